@@ -1,0 +1,38 @@
+"""mp2a: a formation of robots computes its own dynamics in O(log2 n) exchanges.
+
+Names are loaded when first used, so that a rank process imports only what it runs.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mp2a.chain import Chain as Chain
+    from mp2a.distributed import DistributedChain as DistributedChain
+    from mp2a.dynamics import rnea as rnea
+    from mp2a.exceptions import InputError as InputError
+    from mp2a.exceptions import MissingError as MissingError
+    from mp2a.methods.result import InverseDynamics as InverseDynamics
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "Chain": "mp2a.chain",
+    "DistributedChain": "mp2a.distributed",
+    "InputError": "mp2a.exceptions",
+    "InverseDynamics": "mp2a.methods.result",
+    "MissingError": "mp2a.exceptions",
+    "rnea": "mp2a.dynamics",
+}
+
+__all__ = [*_HOMES, "__version__"]  # noqa: PLE0604
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'mp2a' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

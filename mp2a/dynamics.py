@@ -1,0 +1,116 @@
+"""What users call: inverse dynamics of a chain in one process."""
+
+from typing import Literal, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mp2a.chain import Chain
+from mp2a.exceptions import InputError
+from mp2a.leaf import check_gravity, check_state
+from mp2a.methods import METHODS, InverseDynamics, serial
+from mp2a.spatial import GRAVITY, Array
+from mp2a.transport.local import LocalTransport
+
+
+@overload
+def rnea(
+    chain: Chain,
+    q: ArrayLike,
+    v: ArrayLike,
+    a: ArrayLike,
+    external_forces: ArrayLike | None = ...,
+    gravity: ArrayLike = ...,
+    *,
+    method: str = ...,
+    bodies: Literal[False] = ...,
+) -> Array: ...
+@overload
+def rnea(
+    chain: Chain,
+    q: ArrayLike,
+    v: ArrayLike,
+    a: ArrayLike,
+    external_forces: ArrayLike | None = ...,
+    gravity: ArrayLike = ...,
+    *,
+    method: str = ...,
+    bodies: Literal[True],
+) -> InverseDynamics: ...
+def rnea(
+    chain: Chain,
+    q: ArrayLike,
+    v: ArrayLike,
+    a: ArrayLike,
+    external_forces: ArrayLike | None = None,
+    gravity: ArrayLike = GRAVITY,
+    *,
+    method: str = "serial",
+    bodies: bool = False,
+) -> Array | InverseDynamics:
+    """Inverse dynamics of a chain in this process: the joint torques that give these accelerations.
+
+    Parameters
+    ----------
+    chain
+        n bodies.
+    q
+        Coordinates as pinocchio's, ``(nq,)`` or ``(T, nq)`` for T samples; rad and m.
+    v, a
+        Joint velocities and accelerations, ``(nv,)`` or ``(T, nv)``; rad/s, m/s and rad/s², m/s².
+    external_forces
+        ``[torque; force]`` that act on the bodies, each in the body's frame about its *origin*, ``(n, 6)`` or
+        ``(T, n, 6)``, N m and N. `mp2a.spatial.force_at_origin` moves the paper's F_RA there from the centre of mass.
+    gravity
+        ``(3,)`` m/s² in the base frame.
+    method
+        "serial", body after body; or a distributed one ("kogge-stone"), with all n robots in this process.
+    bodies
+        Return motion and force of every body as well.
+
+    Returns
+    -------
+    numpy.ndarray or InverseDynamics
+        Torques ``(nv,)`` or ``(T, nv)``, N m and N; with ``bodies`` an `InverseDynamics` that holds them.
+
+    Raises
+    ------
+    InputError
+        If an argument has the wrong shape, is not finite, a quaternion is not of unit length, or the method is unknown.
+
+    Examples
+    --------
+    >>> import mp2a
+    >>> chain = mp2a.Chain.uniform(3, axis=(0, 1, 0))
+    >>> mp2a.rnea(chain, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]).round(3).tolist()
+    [-44.145, -19.62, -4.905]
+    """
+    if method != "serial":
+        check_method(method)
+        check_serial_chain(chain)
+    state = check_state(chain, q, v, a, external_forces)
+    field = check_gravity(gravity)
+    if method == "serial":
+        result = serial(chain, state, field)
+    else:
+        chosen = METHODS[method]
+        result = chosen.solve(chain, state, field, chosen.schedule(len(chain)), LocalTransport(len(chain)))
+    torque = result.torque[0] if state.single else result.torque
+    if not bodies:
+        return torque
+    velocity, acceleration, force = (
+        x[:, 0] if state.single else np.moveaxis(x, 0, 1) for x in (result.velocity, result.acceleration, result.force)
+    )
+    return InverseDynamics(velocity, acceleration, force, torque)
+
+
+def check_method(method: str) -> None:
+    """Raise `InputError` for a method that is not in `mp2a.methods.METHODS`."""
+    if method not in METHODS:
+        raise InputError(f"method: got {method!r}, expected 'serial' or one of {', '.join(map(repr, METHODS))}")
+
+
+def check_serial_chain(chain: Chain) -> None:
+    """Raise `InputError` for a tree, which the distributed methods do not take yet."""
+    if not chain.is_serial:
+        raise InputError("chain: got a tree, expected a serial chain for a distributed method")

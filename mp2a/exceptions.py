@@ -1,0 +1,9 @@
+"""What can go wrong through no fault of the library, each with a message that says what to change."""
+
+
+class InputError(ValueError):
+    """An argument is not what it has to be: the message names it, what was given and what was expected."""
+
+
+class MissingError(RuntimeError):
+    """Something this call needs is not on the machine: the message says what, and how to get it."""

@@ -1,0 +1,136 @@
+r"""Joint types: how coordinates ``q`` place a body in its parent, and the subspace ``H`` its motion lies in.
+
+Coordinates and velocities are pinocchio's, so that a user's ``q`` and ``v`` work in both:
+
+============  ==  ==  ==============================  ======================================
+name          nq  nv  q                               v
+============  ==  ==  ==============================  ======================================
+revolute      1   1   angle, rad                      rad/s
+continuous    2   1   cos, sin of an unbounded angle  rad/s
+prismatic     1   1   length, m                       m/s
+planar        4   3   x, y, cos, sin                  vx, vy, turn rate; body frame
+spherical     4   3   quaternion x, y, z, w           angular velocity, body frame
+free          7   6   position, quaternion x, y, z, w linear, then angular velocity, body frame
+============  ==  ==  ==============================  ======================================
+
+``H`` is constant in the body's frame for every one of them, rows ``[angular; linear]``.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mp2a.spatial import Array, skew
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One joint type.
+
+    Attributes
+    ----------
+    name
+        As in the table above.
+    neutral
+        Coordinates of zero displacement; its length is ``nq``.
+    nv
+        Degrees of freedom.
+    place
+        ``(axis (k, 3), q (k, T, nq))`` to the rotation ``(k, T, 3, 3)`` and translation ``(k, T, 3)`` of the joint.
+    subspace
+        ``axis (k, 3)`` to ``H (k, 6, nv)``.
+    unit
+        The slice of ``q`` that has to have length one, if there is one.
+    axial
+        Whether the joint has an axis.
+    """
+
+    name: str
+    neutral: tuple[float, ...]
+    nv: int
+    place: Callable[[Array, Array], tuple[Array, Array]]
+    subspace: Callable[[Array], Array]
+    unit: slice | None = None
+    axial: bool = False
+
+    @property
+    def nq(self) -> int:
+        """Number of coordinates."""
+        return len(self.neutral)
+
+
+def _turn(axis: Array, cosine: Array, sine: Array) -> Array:
+    """Rotation about ``axis`` (k, 3) by angles given as ``(k, T)`` cosines and sines (Rodrigues)."""
+    outer = axis[:, None, :, None] * axis[:, None, None, :]
+    c, s = cosine[..., None, None], sine[..., None, None]
+    return c * np.eye(3) + s * skew(axis)[:, None] + (1.0 - c) * outer
+
+
+def _quaternion(q: Array) -> Array:
+    """Rotation of quaternions ``(..., 4)`` in the order x, y, z, w, as Eigen's ``toRotationMatrix``."""
+    x, y, z, w = np.moveaxis(q, -1, 0)
+    out = np.empty((*q.shape[:-1], 3, 3))
+    out[..., 0, 0] = 1 - 2 * (y * y + z * z)
+    out[..., 1, 1] = 1 - 2 * (x * x + z * z)
+    out[..., 2, 2] = 1 - 2 * (x * x + y * y)
+    out[..., 0, 1], out[..., 1, 0] = 2 * (x * y - z * w), 2 * (x * y + z * w)
+    out[..., 0, 2], out[..., 2, 0] = 2 * (x * z + y * w), 2 * (x * z - y * w)
+    out[..., 1, 2], out[..., 2, 1] = 2 * (y * z - x * w), 2 * (y * z + x * w)
+    return out
+
+
+def _place_revolute(axis: Array, q: Array) -> tuple[Array, Array]:
+    angle = q[..., 0]
+    return _turn(axis, np.cos(angle), np.sin(angle)), np.zeros((*angle.shape, 3))
+
+
+def _place_continuous(axis: Array, q: Array) -> tuple[Array, Array]:
+    return _turn(axis, q[..., 0], q[..., 1]), np.zeros((*q.shape[:-1], 3))
+
+
+def _place_prismatic(axis: Array, q: Array) -> tuple[Array, Array]:
+    return np.broadcast_to(np.eye(3), (*q.shape[:-1], 3, 3)), axis[:, None, :] * q
+
+
+def _place_planar(axis: Array, q: Array) -> tuple[Array, Array]:
+    z = np.broadcast_to([0.0, 0.0, 1.0], axis.shape)
+    p = np.zeros((*q.shape[:-1], 3))
+    p[..., :2] = q[..., :2]
+    return _turn(z, q[..., 2], q[..., 3]), p
+
+
+def _place_spherical(axis: Array, q: Array) -> tuple[Array, Array]:
+    return _quaternion(q), np.zeros((*q.shape[:-1], 3))
+
+
+def _place_free(axis: Array, q: Array) -> tuple[Array, Array]:
+    return _quaternion(q[..., 3:]), q[..., :3]
+
+
+def _angular_axis(axis: Array) -> Array:
+    return np.concatenate((axis, np.zeros_like(axis)), axis=-1)[..., None]
+
+
+def _linear_axis(axis: Array) -> Array:
+    return np.concatenate((np.zeros_like(axis), axis), axis=-1)[..., None]
+
+
+def _columns(*rows: int) -> Callable[[Array], Array]:
+    """Subspace that selects spatial components: column j is the unit vector of component ``rows[j]``."""
+    matrix = np.eye(6)[:, list(rows)]
+    return lambda axis: np.broadcast_to(matrix, (len(axis), *matrix.shape))
+
+
+_QUATERNION = (0.0, 0.0, 0.0, 1.0)
+_JOINTS = (
+    Joint("revolute", (0.0,), 1, _place_revolute, _angular_axis, axial=True),
+    Joint("continuous", (1.0, 0.0), 1, _place_continuous, _angular_axis, unit=slice(0, 2), axial=True),
+    Joint("prismatic", (0.0,), 1, _place_prismatic, _linear_axis, axial=True),
+    Joint("planar", (0.0, 0.0, 1.0, 0.0), 3, _place_planar, _columns(3, 4, 2), unit=slice(2, 4)),
+    Joint("spherical", _QUATERNION, 3, _place_spherical, _columns(0, 1, 2), unit=slice(0, 4)),
+    Joint("free", (0.0, 0.0, 0.0, *_QUATERNION), 6, _place_free, _columns(3, 4, 5, 0, 1, 2), unit=slice(3, 7)),
+)
+
+JOINTS = {joint.name: joint for joint in _JOINTS}
+"""Every joint type by name. A new type is one more entry of ``_JOINTS``."""

@@ -1,0 +1,154 @@
+"""What each robot works out on its own, before and after the exchanges: checked input, joint motion, torque."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mp2a.chain import Chain
+from mp2a.exceptions import InputError
+from mp2a.spatial import Array, apply
+
+_UNIT_TOLERANCE = 1e-6
+
+
+class State(NamedTuple):
+    """Checked input of one call, always with a sample axis."""
+
+    q: Array
+    """``(T, nq)``"""
+    v: Array
+    """``(T, nv)``"""
+    a: Array
+    """``(T, nv)``"""
+    external: Array | None
+    """Forces ``(n, T or 1, 6)`` on the bodies, or None."""
+    single: bool
+    """Whether the caller gave one sample without a sample axis."""
+
+    @property
+    def samples(self) -> int:
+        """Number of samples T."""
+        return len(self.q)
+
+
+class JointMotion(NamedTuple):
+    """What the joints alone do, for each body in its own frame."""
+
+    rotation: Array
+    """Body frame to parent frame, ``(n, T, 3, 3)``."""
+    translation: Array
+    """Body origin in the parent frame, ``(n, T, 3)``, m."""
+    velocity: Array
+    """``H q̇``, ``(n, T, 6)``."""
+    acceleration: Array
+    """``H q̈``, ``(n, T, 6)``."""
+
+
+def check_state(chain: Chain, q: ArrayLike, v: ArrayLike, a: ArrayLike, external: ArrayLike | None) -> State:
+    """Check the arguments of an inverse-dynamics call and give each a sample axis.
+
+    Raises
+    ------
+    InputError
+        Naming the argument, what was given and what was expected.
+    """
+    arrays = {}
+    for name, value, width in (("q", q, chain.nq), ("v", v, chain.nv), ("a", a, chain.nv)):
+        arrays[name] = _numbers(name, value)
+        if arrays[name].ndim not in (1, 2) or arrays[name].shape[-1] != width:
+            raise InputError(f"{name}: got shape {arrays[name].shape}, expected ({width},) or (T, {width})")
+    shapes = {name: array.shape[:-1] for name, array in arrays.items()}
+    if len(set(shapes.values())) > 1:
+        given = ", ".join(f"{name} has {shape[0] if shape else 'no'} samples" for name, shape in shapes.items())
+        raise InputError(f"q, v, a: got different numbers of samples ({given}), expected the same for all")
+    single = arrays["q"].ndim == 1
+    samples = 1 if single else len(arrays["q"])
+    if samples == 0:
+        raise InputError("q, v, a: got no sample (T = 0), expected at least one")
+    columns = {name: array.reshape(samples, -1) for name, array in arrays.items()}
+    _check_finite(chain, columns)
+    _check_units(chain, columns["q"])
+    forces = None if external is None else _check_external(len(chain), samples, single, external)
+    return State(columns["q"], columns["v"], columns["a"], forces, single)
+
+
+def joint_motion(chain: Chain, state: State) -> JointMotion:
+    """Place every body in its parent and project the joint's rates into its frame, a joint type at a time."""
+    n, samples = len(chain), state.samples
+    rotation, translation = np.empty((n, samples, 3, 3)), np.empty((n, samples, 3))
+    velocity, acceleration = np.empty((n, samples, 6)), np.empty((n, samples, 6))
+    for group in chain.groups:
+        at = group.bodies
+        turn, shift = group.joint.place(group.axes, np.moveaxis(state.q[:, group.q_columns], 0, 1))
+        placement = chain.rotations[at, None]
+        rotation[at] = placement @ turn
+        translation[at] = chain.translations[at, None] + apply(placement, shift)
+        subspace = group.subspace[:, None]
+        velocity[at] = apply(subspace, np.moveaxis(state.v[:, group.v_columns], 0, 1))
+        acceleration[at] = apply(subspace, np.moveaxis(state.a[:, group.v_columns], 0, 1))
+    return JointMotion(rotation, translation, velocity, acceleration)
+
+
+def joint_torque(chain: Chain, force: Array) -> Array:
+    """Project body forces ``(n, T, 6)`` on the joints: ``τ = Hᵀ F``, ``(T, nv)`` (paper, after eq. 6)."""
+    torque = np.empty((force.shape[1], chain.nv))
+    for group in chain.groups:
+        projected = np.einsum("kij,kti->tkj", group.subspace, force[group.bodies])
+        torque[:, group.v_columns] = projected
+    return torque
+
+
+def check_gravity(gravity: ArrayLike) -> Array:
+    """Check the gravity field, ``(3,)`` m/s² in the base frame."""
+    out = _numbers("gravity", gravity)
+    if out.shape != (3,) or not np.isfinite(out).all():
+        raise InputError(f"gravity: got {np.asarray(gravity).tolist()}, expected three finite numbers, m/s²")
+    return out
+
+
+def _numbers(name: str, value: ArrayLike) -> Array:
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: got {type(value).__name__}, expected an array of numbers ({error})") from error
+
+
+def _check_finite(chain: Chain, columns: dict[str, Array]) -> None:
+    for name, array in columns.items():
+        if not np.isfinite(array).all():
+            sample, column = (int(k) for k in np.argwhere(~np.isfinite(array))[0])
+            starts = chain.q_starts if name == "q" else chain.v_starts
+            body = int(np.searchsorted(starts, column, side="right")) - 1
+            raise InputError(
+                f"{name}: got {array[sample, column]} in sample {sample}, column {column} "
+                f"(joint {chain.names[body]!r}), expected finite numbers"
+            )
+
+
+def _check_units(chain: Chain, q: Array) -> None:
+    for group in chain.groups:
+        if group.joint.unit is None:
+            continue
+        length = np.linalg.norm(q[:, group.q_columns[:, group.joint.unit]], axis=-1)
+        wrong = np.abs(length - 1) > _UNIT_TOLERANCE
+        if wrong.any():
+            sample, k = (int(x) for x in np.argwhere(wrong)[0])
+            part = "quaternion" if group.joint.unit.stop - group.joint.unit.start == 4 else "cosine and sine"
+            raise InputError(
+                f"q: got a {part} of length {length[sample, k]:.9g} for {group.joint.name} joint "
+                f"{chain.names[group.bodies[k]]!r} in sample {sample}, expected length 1"
+            )
+
+
+def _check_external(n: int, samples: int, single: bool, external: ArrayLike) -> Array:
+    forces = _numbers("external_forces", external)
+    wanted = f"({n}, 6)" if single else f"({n}, 6) or ({samples}, {n}, 6)"
+    if forces.shape == (n, 6):
+        forces = forces[None]
+    elif single or forces.shape != (samples, n, 6):
+        raise InputError(f"external_forces: got shape {forces.shape}, expected {wanted}")
+    if not np.isfinite(forces).all():
+        where = tuple(int(k) for k in np.argwhere(~np.isfinite(forces))[0])
+        raise InputError(f"external_forces: got {forces[where]} at {where}, expected finite numbers")
+    return np.moveaxis(forces, 0, 1)

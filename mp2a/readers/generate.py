@@ -1,0 +1,73 @@
+"""Chains made up: uniform and random."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mp2a.exceptions import InputError
+from mp2a.joints import JOINTS
+from mp2a.spatial import Array
+
+
+def uniform(
+    n: int, joint: str, axis: ArrayLike, offset: ArrayLike, mass: float, inertia: ArrayLike | None
+) -> dict[str, Any]:
+    """Fields of `Chain.uniform`."""
+    _check_count(n)
+    step = np.asarray(offset, dtype=float)
+    if step.shape != (3,):
+        raise InputError(f"offset: got shape {step.shape}, expected (3,)")
+    if inertia is None:
+        length = float(step @ step)
+        inertia = mass / 12 * (length * np.eye(3) - np.outer(step, step) + 0.01 * (1 + length) * np.eye(3))
+    translations = np.tile(step, (n, 1))
+    translations[0] = 0.0
+    return {
+        "parents": np.arange(n) - 1,
+        "joints": (joint,) * n,
+        "axes": np.tile(np.asarray(axis, dtype=float), (n, 1)),
+        "rotations": np.tile(np.eye(3), (n, 1, 1)),
+        "translations": translations,
+        "masses": np.full(n, float(mass)),
+        "coms": np.tile(step / 2, (n, 1)),
+        "inertias": np.tile(np.asarray(inertia, dtype=float), (n, 1, 1)),
+    }
+
+
+def random(n: int, seed: int, joints: Sequence[str], branching: int) -> dict[str, Any]:
+    """Fields of `Chain.random`; placements of some decimetres, so that 512 bodies stay within tens of metres."""
+    _check_count(n)
+    unknown = [joint for joint in joints if joint not in JOINTS]
+    if unknown or not joints:
+        raise InputError(f"joints: got {list(joints)}, expected some of {', '.join(JOINTS)}")
+    if branching < 1:
+        raise InputError(f"branching: got {branching}, expected at least 1")
+    rng = np.random.default_rng(seed)
+    index = np.arange(n)
+    axes = rng.normal(size=(n, 3))
+    moments = rng.uniform(0.01, 0.03, (n, 3))  # any three such moments obey the triangle inequality of inertia
+    turn = _random_rotations(rng, n)
+    return {
+        "parents": np.maximum(index - 1 - rng.integers(0, branching, n), np.minimum(index - 1, 0)),
+        "joints": tuple(rng.choice(list(joints), n).tolist()),
+        "axes": axes / np.linalg.norm(axes, axis=1, keepdims=True),
+        "rotations": _random_rotations(rng, n),
+        "translations": rng.normal(scale=0.2, size=(n, 3)),
+        "masses": rng.uniform(0.5, 2.0, n),
+        "coms": rng.normal(scale=0.1, size=(n, 3)),
+        "inertias": turn @ (moments[:, :, None] * turn.swapaxes(1, 2)),
+    }
+
+
+def _check_count(n: int) -> None:
+    if not isinstance(n, int | np.integer) or n < 1:
+        raise InputError(f"n: got {n!r}, expected a whole number of at least 1")
+
+
+def _random_rotations(rng: np.random.Generator, n: int) -> Array:
+    q, r = np.linalg.qr(rng.normal(size=(n, 3, 3)))
+    q = q * np.sign(np.diagonal(r, axis1=1, axis2=2))[:, None, :]
+    q[:, :, 0] *= np.linalg.det(q)[:, None]
+    return q

@@ -1,0 +1,38 @@
+"""Chains from URDF files, read by pinocchio, so that q is pinocchio's q."""
+
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from mp2a.exceptions import InputError
+
+
+def read_urdf(path: str | Path) -> dict[str, Any]:
+    """Fields of `Chain.from_urdf`."""
+    import pinocchio
+
+    from mp2a.readers.pinocchio_model import from_model
+
+    file = Path(path)
+    try:
+        # Parsed once by Python's reader, because the C++ one says on standard error what an exception should say.
+        root = ElementTree.fromstring(file.read_bytes())
+    except (OSError, ElementTree.ParseError) as error:
+        raise InputError(f"path: {path} cannot be read as URDF ({error})") from error
+    if root.tag != "robot":
+        raise InputError(f"path: {path} has <{root.tag}> as its root, expected <robot>")
+    try:
+        model = pinocchio.buildModelFromUrdf(str(file))
+    except (ValueError, RuntimeError) as error:
+        raise InputError(f"path: {path} cannot be read as URDF ({error})") from error
+    fields = from_model(model)
+    branches = np.flatnonzero(fields["parents"] != np.arange(len(fields["parents"])) - 1)
+    if branches.size:
+        body = int(branches[0])
+        raise InputError(
+            f"path: {path} branches at joint {fields['names'][body]!r}, expected a serial chain "
+            "(one moving joint after another)"
+        )
+    return fields

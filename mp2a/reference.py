@@ -1,0 +1,98 @@
+"""pinocchio's serial RNEA in mp2a's conventions: the O(n) reference."""
+
+import os
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mp2a.chain import Chain
+from mp2a.exceptions import MissingError
+from mp2a.leaf import check_gravity, check_state
+from mp2a.methods.result import InverseDynamics
+from mp2a.spatial import GRAVITY, spatial_to_classical, to_linear_first
+
+if TYPE_CHECKING:
+    pass
+
+_TENSORS = 4
+"""nv³ tensors of doubles in `pinocchio.Data`, zeroed and so resident (measured: 4.0 nv³ of 8 bytes at nv = 400)."""
+
+
+class Reference:
+    """A chain in pinocchio, its memory checked before it is taken. Build it in one rank only.
+
+    Attributes
+    ----------
+    chain
+        The chain.
+    model, data
+        pinocchio's, in its own conventions.
+
+    Raises
+    ------
+    MissingError
+        If pinocchio's Data would not fit in the memory that is free, with the largest nv that would.
+    """
+
+    def __init__(self, chain: Chain) -> None:
+        need, free = data_bytes(chain.nv), _free_bytes()
+        if need > free:
+            fits = int((free / (8 * _TENSORS)) ** (1 / 3))
+            raise MissingError(
+                f"pinocchio's Data for nv = {chain.nv} takes {need / 1e9:.1f} GB (it holds nv³ tensors) and "
+                f"{free / 1e9:.1f} GB are free: up to nv = {fits} fits here"
+            )
+        import pinocchio
+
+        self.chain = chain
+        self.model: pinocchio.Model = chain.to_pinocchio()
+        # pinocchio.Data(model), not model.createData(), which copies the tensors once and peaks at twice the memory.
+        self.data: pinocchio.Data = pinocchio.Data(self.model)
+
+    def rnea(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        external_forces: ArrayLike | None = None,
+        gravity: ArrayLike = GRAVITY,
+    ) -> InverseDynamics:
+        """As `mp2a.rnea` with ``bodies=True``, by pinocchio, a sample at a time."""
+        import pinocchio
+
+        state = check_state(self.chain, q, v, a, external_forces)
+        self.model.gravity.linear = check_gravity(gravity)
+        n, samples = len(self.chain), state.samples
+        shape = (samples, n, 6)
+        velocity, acceleration, force = np.empty(shape), np.empty(shape), np.empty(shape)
+        torque = np.empty((samples, self.chain.nv))
+        for t in range(samples):
+            arguments = (self.model, self.data, state.q[t], state.v[t], state.a[t])
+            if state.external is not None:
+                external = to_linear_first(state.external[:, min(t, state.external.shape[1] - 1)])
+                forces = pinocchio.StdVec_Force([pinocchio.Force(f) for f in (np.zeros(6), *external)])
+                torque[t] = pinocchio.rnea(*arguments, forces)
+            else:
+                torque[t] = pinocchio.rnea(*arguments)
+            for i in range(n):
+                velocity[t, i] = self.data.v[i + 1].vector
+                acceleration[t, i] = self.data.a_gf[i + 1].vector
+                force[t, i] = self.data.f[i + 1].vector
+        velocity, acceleration, force = (to_linear_first(x) for x in (velocity, acceleration, force))
+        acceleration = spatial_to_classical(acceleration, velocity)
+        cut = 0 if state.single else slice(None)
+        return InverseDynamics(velocity[cut], acceleration[cut], force[cut], torque[cut])
+
+
+def data_bytes(nv: int) -> int:
+    """Memory that `pinocchio.Data` takes for nv degrees of freedom, in bytes, to some per cent."""
+    return 8 * _TENSORS * nv**3
+
+
+def _free_bytes() -> float:
+    """Memory a new process could take, in bytes; no bound where the system does not say."""
+    try:
+        return float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (ValueError, OSError):
+        return float("inf")

@@ -1,0 +1,1 @@
+"""Segment algebras: what two neighbouring pieces of a chain amount to together. Pure functions, batched."""

@@ -1,0 +1,1 @@
+"""How an exchange happens. The only place that waits."""

@@ -1,0 +1,144 @@
+"""Messages between processes: one robot a rank."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from mpi4py import MPI
+
+from mp2a.exceptions import InputError
+from mp2a.schedule import Round, Schedule
+from mp2a.spatial import Array
+from mp2a.transport.base import Arrival
+from mp2a.transport.wait import wait, wait_unless
+
+_UNSOUND = 0
+_OWN = slice(0, 1)
+
+
+class MPITransport:
+    """Carries out this rank's part of a schedule over a communicator of its own.
+
+    Messages carry their number of samples as the tag, and a rank posts a receive for its own number. A rank whose
+    input is wrong takes part in all rounds, but with empty messages of tag 0. Either way a message that does not fit is
+    never received into a buffer of another size (MPI leaves open what happens then; Open MPI has been seen to crash):
+    the receiver finds it by a probe, and from then on sends empty messages itself. By the end of a call that sends both
+    ways along the chain each rank knows that something was wrong somewhere, and a call where all is well sends nothing
+    more than the schedule says.
+
+    Attributes
+    ----------
+    sound
+        Whether this rank's data are still worth something; `begin` sets it.
+    messages, doubles
+        What this rank has really sent so far: messages by kind, and numbers in all.
+    """
+
+    nodes = 1
+
+    def __init__(self, comm: MPI.Intracomm, schedule: Schedule) -> None:
+        self.comm = comm
+        self.first = comm.Get_rank()
+        self.sound = True
+        self._tag = 1
+        self.messages: dict[str, int] = {}
+        self.doubles = 0
+        self._sends: dict[tuple[str, int], list[tuple[str, int]]] = {}
+        self._receives: dict[tuple[str, int], list[tuple[str, int]]] = {}
+        for round_ in schedule.rounds:
+            key = round_.recurrence, round_.index
+            self._sends[key] = _peers(round_, self.first, sending=True)
+            self._receives[key] = _peers(round_, self.first, sending=False)
+        self._inboxes: dict[tuple[str, int], Array] = {}
+        self._in_flight: list[MPI.Request] = []
+        self._status = MPI.Status()
+
+    @property
+    def most_samples(self) -> int:
+        """Largest number of samples that fits a tag of this MPI."""
+        bound = self.comm.Get_attr(MPI.TAG_UB)
+        return int(bound) if bound is not None else 32767
+
+    def begin(self, samples: int, *, sound: bool) -> None:
+        """Start a call with T samples, and with sound input or not."""
+        self._tag, self.sound = samples, sound
+
+    def exchange(self, round_: Round, outbox: Mapping[str, Array]) -> list[Arrival]:
+        """Send and receive what the schedule says for this rank; waits for what it receives."""
+        key = round_.recurrence, round_.index
+        expected = []
+        for kind, source in self._receives[key]:
+            inbox = self._inbox(kind, outbox[kind].shape[1])
+            expected.append((kind, inbox, source, self.comm.Irecv([inbox, MPI.DOUBLE], source, self._tag)))
+        earlier, self._in_flight = self._in_flight, [
+            self._send(kind, target, outbox[kind]) for kind, target in self._sends[key]
+        ]  # fmt: skip
+        for _, inbox, source, request in expected:
+            if not self._receive(request, source):
+                self.sound = False
+                inbox.fill(0.0)
+        for request in earlier:
+            wait(request)
+        return [Arrival(kind, _OWN, inbox) for kind, inbox, _, _ in expected]
+
+    def flush(self) -> None:
+        """Wait until everything sent may be overwritten."""
+        for request in self._in_flight:
+            wait(request)
+        self._in_flight = []
+
+    def _inbox(self, kind: str, size: int) -> Array:
+        key = kind, size
+        if key not in self._inboxes:
+            self._inboxes = {k: box for k, box in self._inboxes.items() if k[0] != kind}
+            self._inboxes[key] = np.empty((1, size))
+        return self._inboxes[key]
+
+    def _send(self, kind: str, target: int, data: Array) -> MPI.Request:
+        if not self.sound:
+            return self.comm.Isend([data, 0, MPI.DOUBLE], target, _UNSOUND)
+        self.messages[kind] = self.messages.get(kind, 0) + 1
+        self.doubles += data.size
+        return self.comm.Isend([data, MPI.DOUBLE], target, self._tag)
+
+    def _receive(self, request: MPI.Request, source: int) -> bool:
+        """Wait for a message; False if one came that does not fit, which is taken off the line."""
+
+        def misfit() -> bool:
+            return self.comm.Iprobe(source, MPI.ANY_TAG, self._status) and self._status.Get_tag() != self._tag
+
+        if wait_unless(request, None, misfit):
+            return True
+        request.Cancel()
+        cancelled = MPI.Status()
+        request.Wait(cancelled)
+        if not cancelled.Is_cancelled():  # it had come after all, and the misfit belongs to a later round
+            return True
+        rest = np.empty(self._status.Get_count(MPI.DOUBLE))
+        self.comm.Recv([rest, MPI.DOUBLE], source, self._status.Get_tag())
+        return False
+
+
+def raise_together(comm: MPI.Intracomm, error: Exception | None) -> None:
+    """Raise the error of the lowest rank that has one, in every rank; collective.
+
+    Raises
+    ------
+    InputError
+        With the rank and the text of that error.
+    """
+    mine, worst = np.array([error is not None], dtype=np.int32), np.empty(1, dtype=np.int32)
+    wait(comm.Iallreduce(mine, worst, MPI.MAX))
+    if not worst[0]:
+        return
+    texts = comm.allgather(None if error is None else str(error))
+    rank, text = next((rank, text) for rank, text in enumerate(texts) if text is not None)
+    raise InputError(f"rank {rank}: {text}")
+
+
+def _peers(round_: Round, rank: int, *, sending: bool) -> list[tuple[str, int]]:
+    """Kind and partner of each message of a round that this rank sends or receives."""
+    out = []
+    for kind, source, target in round_.transfers:
+        mine, other = (source, target) if sending else (target, source)
+        out += [(kind, int(partner)) for partner in other[mine == rank]]
+    return out
