@@ -6,7 +6,6 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -105,8 +104,9 @@ class Chain:
             i = int(np.argmax(arrays["masses"] < 0))
             raise InputError(f"masses: got {arrays['masses'][i]} for body {i}, expected no negative mass")
         skewness = np.abs(arrays["inertias"] - arrays["inertias"].swapaxes(1, 2)).max((1, 2))
-        if (skewness > 1e-9 * (1e-300 + np.abs(arrays["inertias"]).max((1, 2)))).any():
-            raise InputError(f"inertias: got an unsymmetric matrix for body {int(np.argmax(skewness))}")
+        skewed = skewness > 1e-9 * (1e-300 + np.abs(arrays["inertias"]).max((1, 2)))
+        if skewed.any():
+            raise InputError(f"inertias: got an unsymmetric one for body {np.argmax(skewed)}, expected a symmetric one")
         arrays["inertias"] = (arrays["inertias"] + arrays["inertias"].swapaxes(1, 2)) / 2
         for name, value in {"parents": parents, **arrays}.items():
             value.flags.writeable = False
@@ -177,7 +177,9 @@ class Chain:
     @cached_property
     def neutral(self) -> Array:
         """Coordinates of zero displacement, ``(nq,)``."""
-        return np.concatenate([JOINTS[joint].neutral for joint in self.joints])
+        out = np.concatenate([JOINTS[joint].neutral for joint in self.joints])
+        out.flags.writeable = False
+        return out
 
     def random_state(
         self, samples: int | None = None, seed: int = 0, body: int | None = None
@@ -198,12 +200,15 @@ class Chain:
         tuple of numpy.ndarray
             ``(T, nq)``, ``(T, nv)``, ``(T, nv)``.
         """
-        parts = [_random_body(self, i, samples or 1, seed) for i in (range(len(self)) if body is None else (body,))]
-        q, v, a = (np.concatenate(columns, axis=1) for columns in zip(*parts, strict=True))
+        from mp2a.readers.generate import random_state
+
+        q, v, a = random_state(self.joints, body, 1 if samples is None else samples, seed)
         return (q, v, a) if samples is not None else (q[0], v[0], a[0])
 
     def body(self, i: int) -> "Chain":
         """Body i alone, as a chain of one: all that robot i has to know."""
+        if not 0 <= i < len(self):
+            raise InputError(f"i: got {i}, expected a body from 0 to {len(self) - 1}")
         cut = slice(i, i + 1)
         return Chain(
             np.array([-1]), self.joints[cut], self.axes[cut], self.rotations[cut], self.translations[cut],
@@ -214,9 +219,7 @@ class Chain:
         """Fingerprint of all fields: equal for equal chains, on every machine."""
         sha = hashlib.sha256()
         for value in self._arrays().values():
-            sha.update(
-                str(value.dtype.str).encode() + str(value.shape).encode() + np.ascontiguousarray(value).tobytes()
-            )
+            sha.update(f"{value.dtype.str}{value.shape}".encode() + value.tobytes())
         return sha.hexdigest()
 
     # ---- save and load -----------------------------------------------------------------------------------------
@@ -243,12 +246,12 @@ class Chain:
         try:
             with np.load(path, allow_pickle=False) as file:
                 data = {key: file[key] for key in file.files}
-        except (OSError, ValueError, BadZipFile, EOFError, AttributeError) as error:
+        except Exception as error:  # zipfile, zlib and numpy raise a dozen kinds on a damaged file
             raise InputError(f"path: {path} cannot be read as a chain ({error})") from error
         expected = {"format", *(field.name for field in fields(cls))}
-        if set(data) != expected or int(data.pop("format")) != _FORMAT:
+        if set(data) != expected or data.pop("format").tolist() != _FORMAT:
             raise InputError(f"path: {path} holds {sorted(data)}, expected a chain of format {_FORMAT}")
-        data["joints"], data["names"] = (tuple(str(word) for word in data[key]) for key in ("joints", "names"))
+        data["joints"], data["names"] = (tuple(str(word) for word in data[key].flat) for key in ("joints", "names"))
         return cls(**data)
 
     # ---- builders and readers ----------------------------------------------------------------------------------
@@ -366,23 +369,24 @@ class Chain:
 def _array(name: str, value: ArrayLike, shape: tuple[int | None, ...], dtype: Any = np.float64) -> NDArray[Any]:
     """Return ``value`` as an own array of a shape (None: any length), or an error that names it."""
     try:
-        out = np.array(value, dtype=dtype)
+        given = np.array(value, dtype=np.float64) + 0.0  # so that -0.0, which equals 0.0, has its bits as well
     except (TypeError, ValueError) as error:
         raise InputError(f"{name}: got {type(value).__name__}, expected numbers ({error})") from error
-    fits = out.ndim == len(shape) and all(want in (None, got) for want, got in zip(shape, out.shape, strict=True))
-    if not fits:
+    if given.ndim != len(shape) or any(want not in (None, got) for want, got in zip(shape, given.shape, strict=True)):
         wanted = "(" + ", ".join("n" if want is None else str(want) for want in shape) + ")"
-        raise InputError(f"{name}: got shape {out.shape}, expected {wanted}")
-    if not np.isfinite(out).all():
-        where = tuple(int(k) for k in np.argwhere(~np.isfinite(out))[0])
-        raise InputError(f"{name}: got {out[where]} at {where}, expected finite numbers")
-    return out
+        raise InputError(f"{name}: got shape {given.shape}, expected {wanted}")
+    if not np.isfinite(given).all():
+        where = tuple(int(k) for k in np.argwhere(~np.isfinite(given))[0])
+        raise InputError(f"{name}: got {given[where]} at {where}, expected finite numbers")
+    if not (given == given.astype(dtype)).all():
+        raise InputError(f"{name}: got {given.tolist()}, expected whole numbers")
+    return given.astype(dtype)
 
 
 def _unit_axes(axes: Array, axial: NDArray[np.bool_]) -> Array:
     lengths = np.linalg.norm(axes, axis=1)
     if (axial & (lengths == 0)).any():
-        raise InputError(f"axes: got a zero axis for body {int(np.argmax(axial & (lengths == 0)))}")
+        raise InputError(f"axes: got a zero axis for body {np.argmax(axial & (lengths == 0))}, expected a direction")
     # An axis that is of unit length to rounding stays as it is, so that a chain survives save, load and conversion.
     exact = np.abs(lengths - 1) < 1e-15
     return np.where(axial[:, None], axes / np.where(exact | (lengths == 0), 1.0, lengths)[:, None], 0.0)
@@ -393,15 +397,4 @@ def _check_rotations(rotations: Array) -> None:
     error = np.maximum(np.abs(gram).max((1, 2)), np.abs(np.linalg.det(rotations) - 1))
     if (error > 1e-9).any():
         i = int(np.argmax(error))
-        raise InputError(f"rotations: got a matrix {error[i]:.1e} away from a rotation for body {i}")
-
-
-def _random_body(chain: Chain, i: int, samples: int, seed: int) -> tuple[Array, Array, Array]:
-    rng = np.random.default_rng((seed, i))
-    joint = JOINTS[chain.joints[i]]
-    q = rng.uniform(-np.pi, np.pi, (samples, joint.nq))
-    if joint.unit is not None:
-        direction = rng.normal(size=q[:, joint.unit].shape)
-        q[:, joint.unit] = direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    v, a = rng.normal(size=(2, samples, joint.nv)) / np.sqrt(len(chain))
-    return q, v, a
+        raise InputError(f"rotations: got a matrix {error[i]:.1e} away from one for body {i}, expected a rotation")

@@ -10,7 +10,7 @@ from mp2a.chain import Chain
 from mp2a.exceptions import MissingError
 from mp2a.leaf import check_gravity, check_state
 from mp2a.methods.result import InverseDynamics
-from mp2a.spatial import GRAVITY, spatial_to_classical, to_linear_first
+from mp2a.spatial import GRAVITY, Array, spatial_to_classical, to_linear_first
 
 if TYPE_CHECKING:
     pass
@@ -49,6 +49,13 @@ class Reference:
         self.model: pinocchio.Model = chain.to_pinocchio()
         # pinocchio.Data(model), not model.createData(), which copies the tensors once and peaks at twice the memory.
         self.data: pinocchio.Data = pinocchio.Data(self.model)
+
+    def torque(self, q: Array, v: Array, a: Array) -> Array:
+        """Torques ``(T, nv)`` alone, unchecked, as fast as pinocchio's Python loop goes; q, v, a are ``(T, …)``."""
+        import pinocchio
+
+        rnea, model, data = pinocchio.rnea, self.model, self.data
+        return np.array([rnea(model, data, *sample) for sample in zip(q, v, a, strict=True)])
 
     def rnea(
         self,

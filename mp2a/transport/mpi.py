@@ -39,7 +39,7 @@ class MPITransport:
         self.comm = comm
         self.first = comm.Get_rank()
         self.sound = True
-        self._tag = 1
+        self.samples = 1
         self.messages: dict[str, int] = {}
         self.doubles = 0
         self._sends: dict[tuple[str, int], list[tuple[str, int]]] = {}
@@ -60,7 +60,7 @@ class MPITransport:
 
     def begin(self, samples: int, *, sound: bool) -> None:
         """Start a call with T samples, and with sound input or not."""
-        self._tag, self.sound = samples, sound
+        self.samples, self.sound = samples, sound
 
     def exchange(self, round_: Round, outbox: Mapping[str, Array]) -> list[Arrival]:
         """Send and receive what the schedule says for this rank; waits for what it receives."""
@@ -68,7 +68,7 @@ class MPITransport:
         expected = []
         for kind, source in self._receives[key]:
             inbox = self._inbox(kind, outbox[kind].shape[1])
-            expected.append((kind, inbox, source, self.comm.Irecv([inbox, MPI.DOUBLE], source, self._tag)))
+            expected.append((kind, inbox, source, self.comm.Irecv([inbox, MPI.DOUBLE], source, self.samples)))
         earlier, self._in_flight = self._in_flight, [
             self._send(kind, target, outbox[kind]) for kind, target in self._sends[key]
         ]  # fmt: skip
@@ -98,13 +98,13 @@ class MPITransport:
             return self.comm.Isend([data, 0, MPI.DOUBLE], target, _UNSOUND)
         self.messages[kind] = self.messages.get(kind, 0) + 1
         self.doubles += data.size
-        return self.comm.Isend([data, MPI.DOUBLE], target, self._tag)
+        return self.comm.Isend([data, MPI.DOUBLE], target, self.samples)
 
     def _receive(self, request: MPI.Request, source: int) -> bool:
         """Wait for a message; False if one came that does not fit, which is taken off the line."""
 
         def misfit() -> bool:
-            return self.comm.Iprobe(source, MPI.ANY_TAG, self._status) and self._status.Get_tag() != self._tag
+            return self.comm.Iprobe(source, MPI.ANY_TAG, self._status) and self._status.Get_tag() != self.samples
 
         if wait_unless(request, None, misfit):
             return True

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from mp2a.launch import is_oversubscribed
+from mp2a.cores import is_oversubscribed
 
 if TYPE_CHECKING:
     from mpi4py import MPI

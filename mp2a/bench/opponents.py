@@ -1,0 +1,153 @@
+"""What a formation without MP²A does: pass on hop by hop, or let one robot compute for all."""
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from mp2a.chain import Chain
+from mp2a.leaf import State, check_state, joint_motion, joint_torque
+from mp2a.reference import Reference
+from mp2a.spatial import GRAVITY, Array, apply, cross, inertia_at_origin, motion_operator, skew, transpose
+from mp2a.transport.wait import wait
+
+_MOTION, _FORCE = 1, 2
+
+
+class Relay:
+    """Inverse dynamics hop by hop: each robot waits for its neighbour, 2 (n - 1) hops.
+
+    As quick as a relay can be. With the spatial acceleration A = V̇ - [0; ω × v], velocity and acceleration of a robot
+    are a linear map of its predecessor's, ``[V; A] -> [[C, 0], [-(s×) C, C]] [V; A] + [s; a]`` with s = H q̇ and
+    a = H q̈, so that a hop is one product, formed before the message comes. A robot passes on first and works out its
+    force after; and many samples can be cut into blocks, so that all robots are busy once the first block has come
+    through.
+
+    Parameters
+    ----------
+    comm
+        One rank a robot, in the order of the chain; used as it is.
+    chain
+        The whole chain.
+    blocks
+        Number of blocks the samples of a call are cut into, at most one a sample.
+    """
+
+    def __init__(self, comm: MPI.Intracomm, chain: Chain, blocks: int = 1) -> None:
+        self._comm = comm
+        self._rank, self._last = comm.Get_rank(), comm.Get_size() - 1
+        self._blocks = blocks
+        self.body = chain.body(self._rank)
+        self._inertia = _spatial_inertia(self.body)
+
+    def rnea(self, q: Array, v: Array, a: Array) -> Array:
+        """Torque ``(T, nv)`` of this robot's joint from its own q ``(T, nq)``, v and a ``(T, nv)``; collective."""
+        state = check_state(self.body, q, v, a, None)
+        hop, added, operator = self._prepare(state)
+        motion = np.empty((state.samples, 12))
+        blocks = np.array_split(np.arange(state.samples), min(self._blocks, state.samples))
+        cuts = [slice(block[0], block[-1] + 1) for block in blocks]
+        sent = []
+        for cut in cuts:
+            if self._rank > 0:
+                wait(self._comm.Irecv([motion[cut], MPI.DOUBLE], self._rank - 1, _MOTION))
+            else:
+                motion[cut] = np.concatenate((np.zeros(9), -np.asarray(GRAVITY)))
+            motion[cut] = apply(hop[cut], motion[cut]) + added[cut]
+            if self._rank < self._last:
+                sent.append(self._comm.Isend([motion[cut], MPI.DOUBLE], self._rank + 1, _MOTION))
+        force = self._force(motion)
+        passed = np.empty_like(force)
+        for cut in cuts:
+            if self._rank < self._last:
+                arrived = passed[cut]
+                wait(self._comm.Irecv([arrived, MPI.DOUBLE], self._rank + 1, _FORCE))
+                force[cut] += arrived
+            if self._rank > 0:
+                passed[cut] = apply(transpose(operator[cut]), force[cut])
+                sent.append(self._comm.Isend([passed[cut], MPI.DOUBLE], self._rank - 1, _FORCE))
+        torque = joint_torque(self.body, force[None])
+        for request in sent:
+            wait(request)
+        return torque
+
+    def _prepare(self, state: State) -> tuple[Array, Array, Array]:
+        """Map of a hop ``(T, 12, 12)``, what it adds ``(T, 12)``, and the motion operator ``(T, 6, 6)``."""
+        joint = joint_motion(self.body, state)
+        operator = motion_operator(joint.rotation[0], joint.translation[0])
+        relative = joint.velocity[0]
+        hop = np.zeros((state.samples, 12, 12))
+        hop[:, :6, :6] = hop[:, 6:, 6:] = operator
+        hop[:, 6:, :6] = -_motion_cross(relative) @ operator
+        return hop, np.concatenate((relative, joint.acceleration[0]), axis=1), operator
+
+    def _force(self, motion: Array) -> Array:
+        """Force ``I A + V ×* I V`` that moves this body, ``(T, 6)``."""
+        velocity, acceleration = motion[:, :6], motion[:, 6:]
+        momentum = velocity @ self._inertia
+        turning = cross(velocity[:, :3], momentum[:, :3]) + cross(velocity[:, 3:], momentum[:, 3:])
+        pushing = cross(velocity[:, :3], momentum[:, 3:])
+        out: Array = acceleration @ self._inertia + np.concatenate((turning, pushing), axis=1)
+        return out
+
+
+class Centre:
+    """Inverse dynamics by one robot for all: gather, pinocchio on rank 0, scatter.
+
+    Parameters
+    ----------
+    comm
+        One rank a robot, in the order of the chain; used as it is.
+    chain
+        The whole chain.
+    reference
+        pinocchio's model of the chain on rank 0; None on all others.
+    """
+
+    def __init__(self, comm: MPI.Intracomm, chain: Chain, reference: Reference | None) -> None:
+        self._comm = comm
+        self._chain = chain
+        self._reference = reference
+        self._nv = int(np.diff(chain.v_starts)[comm.Get_rank()])
+
+    def rnea(self, q: Array, v: Array, a: Array) -> Array:
+        """Torque ``(T, nv)`` of this robot's joint from its own q ``(T, nq)``, v and a ``(T, nv)``; collective."""
+        samples = len(q)
+        gathered = [
+            self._gather(part, starts, samples)
+            for part, starts in ((q, self._chain.q_starts), (v, self._chain.v_starts), (a, self._chain.v_starts))
+        ]
+        torque = self._reference.torque(*gathered).T.copy() if self._reference is not None else None
+        mine = np.empty((self._nv, samples))
+        whole = [torque, *_blocks(self._chain.v_starts, samples), MPI.DOUBLE]
+        wait(self._comm.Iscatterv(whole, [mine, MPI.DOUBLE], 0))
+        return mine.T
+
+    def _gather(self, part: Array, starts: NDArray[np.intp], samples: int) -> Array:
+        """Collect columns of all robots on rank 0, ``(T, columns)``; empty elsewhere."""
+        root = self._comm.Get_rank() == 0
+        whole = np.empty((int(starts[-1]), samples)) if root else np.empty((0, 0))
+        target = [whole, *_blocks(starts, samples), MPI.DOUBLE] if root else None
+        mine = np.ascontiguousarray(part.T)
+        wait(self._comm.Igatherv([mine, MPI.DOUBLE], target, 0))
+        return whole.T.copy()
+
+
+def _blocks(starts: NDArray[np.intp], samples: int) -> tuple[list[int], list[int]]:
+    """Find counts and displacements of the robots' columns in an array of rows of samples."""
+    return (np.diff(starts) * samples).tolist(), (starts[:-1] * samples).tolist()
+
+
+def _spatial_inertia(body: Chain) -> Array:
+    """6×6 inertia about the origin of a chain's first body, ``[angular; linear]``; symmetric."""
+    mass, com = body.masses[0], body.coms[0]
+    lever = mass * skew(com)
+    upper = inertia_at_origin(body.masses, body.coms, body.inertias)[0]
+    return np.block([[upper, lever], [-lever, mass * np.eye(3)]])
+
+
+def _motion_cross(motion: Array) -> Array:
+    """Matrix of the spatial cross product of motions, ``(T, 6)`` to ``(T, 6, 6)``."""
+    out = np.zeros((len(motion), 6, 6))
+    out[:, :3, :3] = out[:, 3:, 3:] = skew(motion[:, :3])
+    out[:, 3:, :3] = skew(motion[:, 3:])
+    return out

@@ -1,0 +1,31 @@
+"""What a run of the benchmark is made with; known to the launcher and to the ranks."""
+
+from typing import NamedTuple
+
+STARTED = "MP2A_STARTED"
+"""Environment variable in which the launcher says when it began, as a Unix time."""
+
+PROGRESS = "mp2a: doing: "
+"""How a line begins in which rank 0 says to the launcher what it does."""
+
+ERROR = "mp2a: error: "
+"""How a line begins that says what went wrong."""
+
+
+class Settings(NamedTuple):
+    """Options of ``mp2a bench``, by their names."""
+
+    samples: int = 2000
+    repeats: int = 5
+    seed: int = 0
+    method: str = "kogge-stone"
+    seconds: float = 3.0
+    """Time that the repeats of one contender may take, if one call takes less."""
+    serial_time: float | None = None
+    """T_s of eq. 13, s; None: as measured."""
+    latency: float | None = None
+    """L_a, s; None: as measured."""
+    speed: float | None = None
+    """N_TS, bit/s; None: as measured."""
+    bits: float = 64.0
+    """Bits a number."""

@@ -1,0 +1,147 @@
+"""One run after another over numbers of ranks: start them, show how far they are, keep what they measured."""
+
+import json
+import os
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from mp2a import launch
+from mp2a.bench import results
+from mp2a.bench.settings import ERROR, PROGRESS, STARTED, Settings
+from mp2a.exceptions import MissingError
+
+
+def sweep(
+    ranks: Sequence[int],
+    settings: Settings,
+    path: Path,
+    *,
+    fresh: bool,
+    say: Callable[[str], None],
+) -> list[dict[str, Any]]:
+    """Run the benchmark for each number of ranks and append to one results file.
+
+    Parameters
+    ----------
+    ranks
+        Numbers of ranks, each of which mpirun is started for.
+    settings
+        Of every run.
+    path
+        The results file. A run it holds already with these settings is not made again.
+    fresh
+        Make all runs again.
+    say
+        Told what is being done.
+
+    Returns
+    -------
+    list of dict
+        The runs for these ranks, old and new.
+
+    Raises
+    ------
+    MissingError
+        If there is no mpirun, or the ranks of a run failed; runs before it are kept.
+    """
+    runs = []
+    for n in ranks:
+        same = {"n": n, "samples": settings.samples, "seed": settings.seed, "method": settings.method}
+        found = None if fresh else results.find(path, **same)
+        if found is None:
+            found = _run(n, settings, say)
+            results.append(path, found)
+        else:
+            say(f"n = {n}: already in {path}")
+        runs.append(found)
+    return runs
+
+
+def child(arguments: Sequence[str], n: int, say: Callable[[str], None]) -> dict[str, Any]:
+    """Run an ``mp2a`` command on n ranks; rank 0 writes JSON to the file that is put after ``--out``."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "out.json"
+        program = [sys.executable, "-m", "mp2a", *arguments, "--out", str(out), "--quiet"]
+        environment = {STARTED: repr(time.time())}
+        say("starting the ranks")
+        process = launch.start(n, program, environment=environment, stdout=-1, stderr=-2, text=True)
+        try:
+            last = _follow(process.stdout or (), say)
+            code = process.wait()
+        finally:
+            launch.end(process)
+        if code or not out.exists():
+            said = [line.removeprefix(ERROR) for line in last if line.startswith(ERROR)]
+            raise MissingError("\n".join(said or [f"mpirun with {n} ranks ended with status {code}:", *last]))
+        loaded: dict[str, Any] = json.loads(out.read_text(encoding="utf-8"))
+        return loaded
+
+
+def _run(n: int, settings: Settings, say: Callable[[str], None]) -> dict[str, Any]:
+    began = time.monotonic()
+    with _lowest_free_memory() as free:
+        done = child(["bench", *_arguments(settings)], n, lambda what: say(f"n = {n}: {what}"))
+    run: dict[str, Any] = done["runs"][-1]
+    run["took_s"] = time.monotonic() - began
+    run["memory_taken"] = free()
+    return run
+
+
+def _arguments(settings: Settings) -> list[str]:
+    """Spell settings as options of ``mp2a bench``."""
+    out = []
+    for name, value in settings._asdict().items():
+        if value is not None:
+            out += [f"--{name.replace('_', '-')}", str(value)]
+    return out
+
+
+def _follow(lines: Any, say: Callable[[str], None]) -> list[str]:
+    """Pass progress on and return the last other lines."""
+    rest: list[str] = []
+    for line in lines:
+        if line.startswith(PROGRESS):
+            say(line.removeprefix(PROGRESS).rstrip())
+        else:
+            rest = [*rest[-30:], line.rstrip()]
+    return rest
+
+
+@contextmanager
+def _lowest_free_memory() -> Iterator[Callable[[], int | None]]:
+    """Watch how far the machine's available memory falls, in bytes; None where the system does not say."""
+    at_first = _available()
+    lowest = at_first
+    over = threading.Event()
+
+    def watch() -> None:
+        nonlocal lowest
+        while not over.wait(0.25):
+            lowest = min(lowest, _available())
+
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
+    try:
+        yield lambda: at_first - lowest if at_first else None
+    finally:
+        over.set()
+        watcher.join()
+
+
+def _available() -> int:
+    try:
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+    except OSError:
+        return 0
+    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable"))
+
+
+def under_mpirun() -> bool:
+    """Whether this process is a rank that some launcher started."""
+    return any(name in os.environ for name in ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK", "PMI_RANK"))

@@ -1,0 +1,134 @@
+"""A real run, traced: what each rank did and which message flew when, in the format of Perfetto's viewer.
+
+The Chrome trace event format, which https://ui.perfetto.dev opens: complete events (``X``) for spans, flow events
+(``s``, ``f``) for messages, metadata (``M``) for names.
+"""
+
+import time
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from mp2a.bench.rank import barrier
+from mp2a.chain import Chain
+from mp2a.distributed import DistributedChain
+from mp2a.schedule import Schedule
+from mp2a.segments.affine import DOUBLES
+from mp2a.transport.trace import Event
+
+_WARM_UP = 5
+_ALIGN = 20
+
+
+def record(samples: int, seed: int, method: str) -> dict[str, Any] | None:
+    """Trace one call on the world communicator; collective. The trace on rank 0, None elsewhere."""
+    comm = MPI.COMM_WORLD
+    chain = Chain.random(comm.Get_size(), seed)
+    state = chain.random_state(samples, seed, body=comm.Get_rank())
+    with DistributedChain(comm, chain, method, trace=True) as formation:
+        assert formation.trace is not None
+        for _ in range(_WARM_UP):
+            formation.rnea(*state)
+        offset = clock_offset(comm)
+        barrier(comm)
+        formation.trace.events.clear()
+        formation.rnea(*state)
+        span = formation.trace.events
+        everyone = comm.gather([(e.recurrence, e.round, e.posted - offset, e.done - offset) for e in span])
+        if everyone is None:
+            return None
+        events = [[Event(*event) for event in rank] for rank in everyone]
+        return {
+            "traceEvents": trace_events(formation.schedule, events, samples),
+            "displayTimeUnit": "ns",
+            "mp2a": {"n": len(chain), "samples": samples, "method": method},
+        }
+
+
+def clock_offset(comm: MPI.Intracomm) -> int:
+    """How far this rank's monotonic clock is ahead of rank 0's, in ns; collective.
+
+    Ranks of one machine share the clock. A rank on another asks rank 0 for the time and takes the answer of the
+    shortest round trip as of its middle (Cristian 1989).
+    """
+    host = comm.bcast(MPI.Get_processor_name())
+    elsewhere = comm.allgather(host != MPI.Get_processor_name())
+    offset = 0
+    for rank in np.flatnonzero(elsewhere):
+        if comm.Get_rank() == rank:
+            offset = _ask_time(comm)
+        elif comm.Get_rank() == 0:
+            _tell_time(comm, int(rank))
+    return offset
+
+
+def trace_events(schedule: Schedule, ranks: list[list[Event]], samples: int) -> list[dict[str, Any]]:
+    """Spans and messages of a traced call; the first moment is 0, times are in µs.
+
+    Parameters
+    ----------
+    schedule
+        What the ranks followed.
+    ranks
+        Each rank's events, one a round, in order.
+    samples
+        Samples in each message.
+    """
+    origin = min(events[0].posted for events in ranks if events) if any(ranks) else 0
+    out: list[dict[str, Any]] = [{"ph": "M", "pid": 0, "name": "process_name", "args": {"name": "formation"}}]
+    for rank, events in enumerate(ranks):
+        out.append({"ph": "M", "pid": 0, "tid": rank, "name": "thread_name", "args": {"name": f"robot {rank + 1}"}})
+        out += _spans(rank, events, origin)
+    return out + _messages(schedule, ranks, samples, origin)
+
+
+def _spans(rank: int, events: list[Event], origin: int) -> list[dict[str, Any]]:
+    out = []
+    for k, event in enumerate(events):
+        name = f"{event.recurrence} round {event.round}"
+        out.append(_span(rank, f"{name}: exchange", "exchange", event, event.posted, event.done, origin))
+        if k + 1 < len(events):
+            after = events[k + 1]
+            label = f"{name}: join" if after.recurrence == event.recurrence else f"{after.recurrence}: leaf"
+            out.append(_span(rank, label, "compute", after, event.done, after.posted, origin))
+    return out
+
+
+def _span(rank: int, name: str, category: str, event: Event, start: int, end: int, origin: int) -> dict[str, Any]:
+    return {
+        **{"ph": "X", "pid": 0, "tid": rank, "name": name, "cat": category},
+        **{"ts": (start - origin) / 1e3, "dur": (end - start) / 1e3},
+        "args": {"recurrence": event.recurrence, "round": event.round},
+    }
+
+
+def _messages(schedule: Schedule, ranks: list[list[Event]], samples: int, origin: int) -> list[dict[str, Any]]:
+    moments = [{(e.recurrence, e.round): e for e in events} for events in ranks]
+    out: list[dict[str, Any]] = []
+    for round_ in schedule.rounds:
+        key = round_.recurrence, round_.index
+        for kind, source, target in round_.transfers:
+            for s, t in zip(source.tolist(), target.tolist(), strict=True):
+                about = {"pid": 0, "id": len(out) // 2, "name": round_.recurrence, "cat": "message"}
+                args = {"kind": kind, "bytes": 8 * DOUBLES[kind] * samples, "round": round_.index}
+                left, came = (moments[s][key].posted - origin) / 1e3, (moments[t][key].done - origin) / 1e3
+                out.append({**about, "ph": "s", "tid": s, "ts": left, "args": args})
+                out.append({**about, "ph": "f", "bp": "e", "tid": t, "ts": came, "args": args})
+    return out
+
+
+def _ask_time(comm: MPI.Intracomm) -> int:
+    best = (1 << 62, 0)
+    for _ in range(_ALIGN):
+        asked = time.monotonic_ns()
+        theirs = comm.sendrecv(None, 0, source=0)
+        answered = time.monotonic_ns()
+        best = min(best, (answered - asked, (asked + answered) // 2 - theirs))
+    return best[1]
+
+
+def _tell_time(comm: MPI.Intracomm, rank: int) -> None:
+    for _ in range(_ALIGN):
+        comm.recv(source=rank)
+        comm.send(time.monotonic_ns(), rank)

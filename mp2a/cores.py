@@ -1,0 +1,65 @@
+"""What a rank has to know of the machine it shares with other ranks."""
+
+import ctypes
+import os
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+
+USUAL_SLACK = 50_000
+"""Nanoseconds the kernel may add to a sleep, unless told otherwise."""
+
+_PR_SET_TIMERSLACK = 29
+_PR_GET_TIMERSLACK = 30
+
+
+def usable_cores() -> int:
+    """Return how many processor cores this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def is_oversubscribed() -> bool:
+    """Tell, in a rank and without asking the others, whether this machine has more ranks than cores."""
+    ranks = os.environ.get("OMPI_COMM_WORLD_LOCAL_SIZE") or os.environ.get("MPI_LOCALNRANKS") or "1"
+    if not hasattr(os, "sched_getaffinity"):
+        return int(ranks) > usable_cores()
+    cores = os.sched_getaffinity(0)
+    with suppress(OSError):
+        # A rank that is bound to one core sees only that one; the launcher, its parent, sees all.
+        cores |= os.sched_getaffinity(os.getppid())
+    return int(ranks) > len(cores)
+
+
+def timer_slack(nanoseconds: int) -> int:
+    """Set how much the kernel may add to this thread's sleeps, and to those of processes it starts.
+
+    Returns
+    -------
+    int
+        What it was before, in ns; 0 where there is no such thing.
+    """
+    prctl = _prctl()
+    if prctl is None:
+        return 0
+    before = prctl(_PR_GET_TIMERSLACK, 0)
+    prctl(_PR_SET_TIMERSLACK, nanoseconds)
+    return before
+
+
+def settle() -> None:
+    """Make this rank's sleeps exact again after a start with `mp2a.launch`; for right after MPI_Init."""
+    timer_slack(USUAL_SLACK)
+
+
+@cache
+def _prctl() -> Callable[..., int] | None:
+    """Return the C library's prctl, or None where there is none."""
+    if sys.platform != "linux":
+        return None
+    try:
+        function = ctypes.CDLL(None).prctl
+    except (OSError, AttributeError):
+        return None
+    function.argtypes = [ctypes.c_int] + [ctypes.c_ulong] * 4
+    return lambda option, value: int(function(option, value, 0, 0, 0))

@@ -1,0 +1,74 @@
+"""Every rank gets its body's part of the serial recursion; messages are as many as the schedule says."""
+
+import numpy as np
+from _formation import COMM, RANK, SIZE, Checks, chain_of_all_joints, own_columns, relative_error
+from mpi4py import MPI
+
+import mp2a
+from mp2a.methods import METHODS
+from mp2a.segments.affine import DOUBLES
+
+check = Checks()
+GRAVITY = (1.0, -2.0, -9.0)
+
+for seed in range(3):
+    chain = chain_of_all_joints(seed=seed)
+    for method in METHODS:
+        with mp2a.DistributedChain(COMM, chain, method, gravity=GRAVITY) as formation:
+            check(len(formation.body) == 1)
+            for samples in (None, 1, 7, 300):
+                q, v, a = chain.random_state(samples, seed)
+                forces = np.random.default_rng(seed).normal(size=(*(() if samples is None else (samples,)), SIZE, 6))
+                whole = mp2a.rnea(chain, q, v, a, forces, GRAVITY, bodies=True)
+                qs, vs = own_columns(chain)
+                before = dict(formation.transport.messages), formation.transport.doubles
+                mine = formation.rnea(q[..., qs], v[..., vs], a[..., vs], forces[..., RANK, :])
+                for name in ("velocity", "acceleration", "force"):
+                    ours, theirs = getattr(mine, name), getattr(whole, name)
+                    check(ours.shape == theirs[..., RANK, :].shape, name, ours.shape)
+                    check(relative_error(ours, theirs[..., RANK, :], theirs) < 1e-12, name)
+                check(mine.torque.shape == whole.torque[..., vs].shape)
+                check(relative_error(mine.torque, whole.torque[..., vs], whole.torque) < 1e-12)
+                count = formation.schedule.count(DOUBLES)
+                for kind in DOUBLES:
+                    sent = formation.transport.messages.get(kind, 0) - before[0].get(kind, 0)
+                    check(COMM.allreduce(sent) == count.messages.get(kind, 0), kind)
+                doubles = COMM.allreduce(formation.transport.doubles - before[1])
+                check(doubles == count.doubles * (samples or 1))
+
+# Without an external force, and one force for all samples.
+chain = chain_of_all_joints()
+q, v, a = chain.random_state(4)
+qs, vs = own_columns(chain)
+with mp2a.DistributedChain(COMM, chain) as formation:
+    whole = mp2a.rnea(chain, q, v, a)
+    mine = formation.rnea(q[:, qs], v[:, vs], a[:, vs])
+    check(relative_error(mine.torque, whole[:, vs], whole) < 1e-12)
+    force = np.arange(6.0)
+    whole = mp2a.rnea(chain, q, v, a, np.tile(force, (SIZE, 1)))
+    mine = formation.rnea(q[:, qs], v[:, vs], a[:, vs], force)
+    check(relative_error(mine.torque, whole[:, vs], whole) < 1e-12)
+
+# Halves of the ranks, each a formation of its own, and one of all in reverse order, at the same time.
+halves = COMM.Split(RANK % 2, RANK)
+reverse = COMM.Split(0, -RANK)
+# A user who is waiting for anything at all on the same communicator gets nothing of ours.
+mail = np.zeros(1)
+waiting = COMM.Irecv(mail, MPI.ANY_SOURCE, MPI.ANY_TAG)
+formations = [(comm, chain_of_all_joints(comm.size, 5)) for comm in (halves, reverse, COMM)]
+made = [mp2a.DistributedChain(comm, chain) for comm, chain in formations]
+for (comm, chain), formation in zip(formations, made, strict=True):
+    q, v, a = chain.random_state(2)
+    qs, vs = own_columns(chain, comm.rank)
+    whole = mp2a.rnea(chain, q, v, a)
+    mine = formation.rnea(q[:, qs], v[:, vs], a[:, vs])
+    check(relative_error(mine.torque, whole[:, vs], whole) < 1e-12)
+check(not waiting.Test())
+COMM.Barrier()  # nobody sends before everybody has looked
+COMM.Send(np.array([float(RANK)]), (RANK + 1) % SIZE, 3)
+waiting.Wait()
+check(mail[0] == (RANK - 1) % SIZE)
+for formation in made:
+    formation.close()
+    formation.close()
+check.done()
