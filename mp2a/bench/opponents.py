@@ -1,5 +1,7 @@
 """What a formation without MP²A does: pass on hop by hop, or let one robot compute for all."""
 
+import time
+
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
@@ -30,6 +32,12 @@ class Relay:
         The whole chain.
     blocks
         Number of blocks the samples of a call are cut into, at most one a sample.
+
+    Attributes
+    ----------
+    alone, hopping
+        Processor seconds of all calls so far that this rank spent on its own body, which all robots do at the same
+        time, and between a message's coming and its going on, which they do one after another.
     """
 
     def __init__(self, comm: MPI.Intracomm, chain: Chain, blocks: int = 1) -> None:
@@ -38,33 +46,42 @@ class Relay:
         self._blocks = blocks
         self.body = chain.body(self._rank)
         self._inertia = _spatial_inertia(self.body)
+        self.alone = self.hopping = 0.0
 
     def rnea(self, q: Array, v: Array, a: Array) -> Array:
         """Torque ``(T, nv)`` of this robot's joint from its own q ``(T, nq)``, v and a ``(T, nv)``; collective."""
+        began = time.process_time()
         state = check_state(self.body, q, v, a, None)
         hop, added, operator = self._prepare(state)
         motion = np.empty((state.samples, 12))
         blocks = np.array_split(np.arange(state.samples), min(self._blocks, state.samples))
         cuts = [slice(block[0], block[-1] + 1) for block in blocks]
+        self.alone += time.process_time() - began
         sent = []
         for cut in cuts:
             if self._rank > 0:
                 wait(self._comm.Irecv([motion[cut], MPI.DOUBLE], self._rank - 1, _MOTION))
             else:
                 motion[cut] = np.concatenate((np.zeros(9), -np.asarray(GRAVITY)))
+            began = time.process_time()
             motion[cut] = apply(hop[cut], motion[cut]) + added[cut]
             if self._rank < self._last:
                 sent.append(self._comm.Isend([motion[cut], MPI.DOUBLE], self._rank + 1, _MOTION))
+            self.hopping += time.process_time() - began
+        began = time.process_time()
         force = self._force(motion)
         passed = np.empty_like(force)
+        self.alone += time.process_time() - began
         for cut in cuts:
             if self._rank < self._last:
-                arrived = passed[cut]
-                wait(self._comm.Irecv([arrived, MPI.DOUBLE], self._rank + 1, _FORCE))
-                force[cut] += arrived
+                wait(self._comm.Irecv([passed[cut], MPI.DOUBLE], self._rank + 1, _FORCE))
+            began = time.process_time()
+            if self._rank < self._last:
+                force[cut] += passed[cut]
             if self._rank > 0:
                 passed[cut] = apply(transpose(operator[cut]), force[cut])
                 sent.append(self._comm.Isend([passed[cut], MPI.DOUBLE], self._rank - 1, _FORCE))
+            self.hopping += time.process_time() - began
         torque = joint_torque(self.body, force[None])
         for request in sent:
             wait(request)

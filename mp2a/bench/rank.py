@@ -73,9 +73,10 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
     reference, missing = _reference(chain) if rank == 0 else (None, None)
     pinocchio_fits = comm.bcast(reference is not None)
 
+    relay = Relay(comm, chain)
     contenders: dict[str, Callable[..., Array]] = {
         settings.method: lambda *state: formation.rnea(*state).torque,
-        "relay": Relay(comm, chain).rnea,
+        "relay": relay.rnea,
         "relay, pipelined": Relay(comm, chain, _PIPELINE).rnea,
     }
     if pinocchio_fits:
@@ -85,9 +86,14 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
     error = _error(comm, chain, settings, reference, contenders[settings.method](*batch))
     memory = _memory(comm)
     sent = _sent(comm, formation, lambda: formation.rnea(*batch))
+    some = tuple(part[:_SINGLES] for part in batch)
     measured = {
         "batch": _measure(comm, contenders, batch, settings, say),
-        "single": _measure(comm, contenders, tuple(part[:_SINGLES] for part in batch), settings, say, single=True),
+        "single": _measure(comm, contenders, some, settings, say, single=True),
+    }
+    hop_by_hop = {
+        "batch": _relay_alone(comm, relay, [batch] * 3),
+        "single": _relay_alone(comm, relay, _one_by_one(some)[:3]),
     }
     say("network")
     network = _network(comm, settings, measured)
@@ -109,7 +115,12 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
         "error": error,
         "missing": missing,
         "measured": {name: {size: values[name].summary() for size, values in measured.items()} for name in contenders},
-        "extrapolated": _extrapolated(settings.method, measured),
+        "extrapolated": {
+            settings.method: {
+                size: statistics.median(values[settings.method].cpu) for size, values in measured.items()
+            },
+            "relay": hop_by_hop,
+        },
         "modelled": _modelled(n, settings, network),
         "network": network._asdict(),
     }
@@ -172,7 +183,7 @@ def _timed(
     comm: MPI.Intracomm, call: Callable[..., Array], state: tuple[Array, ...], calls: int, *, single: bool
 ) -> tuple[float, float]:
     """Wall and largest processor seconds a sample of some calls in a row."""
-    arguments = [tuple(part[t : t + 1] for part in state) for t in range(calls)] if single else [state] * calls
+    arguments = _one_by_one(state)[:calls] if single else [state] * calls
     gc.collect()
     barrier(comm)
     wall, cpu = time.perf_counter(), time.process_time()
@@ -183,6 +194,27 @@ def _timed(
     wait(comm.Iallreduce(mine, most, MPI.MAX))
     done = calls if single else calls * len(state[0])
     return float(most[0]) / done, float(most[1]) / done
+
+
+def _one_by_one(state: tuple[Array, ...]) -> list[tuple[Array, ...]]:
+    """Cut a trajectory into its samples."""
+    return [tuple(part[t : t + 1] for part in state) for t in range(len(state[0]))]
+
+
+def _relay_alone(comm: MPI.Intracomm, relay: Relay, calls: list[tuple[Array, ...]]) -> float:
+    """Seconds a sample of the relay with a core a robot and a network that takes no time; on rank 0.
+
+    The robots' own work, which they do at the same time (its largest over ranks), and all hops one after another.
+    """
+    before = relay.alone, relay.hopping
+    for state in calls:
+        relay.rnea(*state)
+    samples = sum(len(state[0]) for state in calls)
+    mine = np.array([relay.alone - before[0], relay.hopping - before[1]]) / samples
+    most, total = np.empty(2), np.empty(2)
+    wait(comm.Ireduce(mine, most, MPI.MAX))
+    wait(comm.Ireduce(mine, total, MPI.SUM))
+    return float(most[0] + total[1])
 
 
 def _error(
@@ -268,8 +300,3 @@ def _modelled(n: int, settings: Settings, network: model.Network) -> dict[str, d
     hops = network.serial_time if settings.serial_time is not None else model.relay_time(n, samples, network)
     out["serial"] = {"batch": hops / samples, "single": hops / samples}
     return out
-
-
-def _extrapolated(method: str, measured: dict[str, dict[str, Timing]]) -> dict[str, dict[str, float]]:
-    """Tell what a machine with a core a robot would need: the largest processor time of a rank."""
-    return {method: {size: statistics.median(values[method].cpu) for size, values in measured.items()}}

@@ -1,7 +1,6 @@
 """One run after another over numbers of ranks: start them, show how far they are, keep what they measured."""
 
 import json
-import os
 import sys
 import tempfile
 import threading
@@ -140,8 +139,3 @@ def _available() -> int:
     except OSError:
         return 0
     return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable"))
-
-
-def under_mpirun() -> bool:
-    """Whether this process is a rank that some launcher started."""
-    return any(name in os.environ for name in ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK", "PMI_RANK"))

@@ -27,8 +27,8 @@ def read_dh(
     row's link motion belongs to the placement of the next joint, and its link frame lies that far from the body's.
     """
     table = np.array(rows, dtype=float)
-    if table.ndim != 2 or table.shape[1] != 4 or not len(table):
-        raise InputError(f"rows: got shape {table.shape}, expected (n, 4): a, alpha, d, theta")
+    if table.ndim != 2 or table.shape[1] != 4 or not len(table) or not np.isfinite(table).all():
+        raise InputError(f"rows: got shape {table.shape}, expected (n, 4) finite numbers: a, alpha, d, theta")
     n = len(table)
     if convention not in CONVENTIONS:
         raise InputError(f"convention: got {convention!r}, expected one of {', '.join(CONVENTIONS)}")

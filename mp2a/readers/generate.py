@@ -47,7 +47,7 @@ def random(n: int, seed: int, joints: Sequence[str], branching: int) -> dict[str
     rng = np.random.default_rng(seed)
     index = np.arange(n)
     axes = rng.normal(size=(n, 3))
-    moments = rng.uniform(0.01, 0.03, (n, 3))  # any three such moments obey the triangle inequality of inertia
+    moments = rng.uniform(0.01, 0.02, (n, 3))  # any three such moments obey the triangle inequality of inertia
     turn = _random_rotations(rng, n)
     return {
         "parents": np.maximum(index - 1 - rng.integers(0, branching, n), np.minimum(index - 1, 0)),
@@ -59,6 +59,21 @@ def random(n: int, seed: int, joints: Sequence[str], branching: int) -> dict[str
         "coms": rng.normal(scale=0.1, size=(n, 3)),
         "inertias": turn @ (moments[:, :, None] * turn.swapaxes(1, 2)),
     }
+
+
+def random_state(joints: Sequence[str], body: int | None, samples: int, seed: int) -> tuple[Array, Array, Array]:
+    """See `Chain.random_state`; always with a sample axis."""
+    parts = []
+    for i in range(len(joints)) if body is None else (body,):
+        rng = np.random.default_rng((seed, i))
+        joint = JOINTS[joints[i]]
+        q = rng.uniform(-np.pi, np.pi, (samples, joint.nq))
+        if joint.unit is not None:
+            direction = rng.normal(size=q[:, joint.unit].shape)
+            q[:, joint.unit] = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+        parts.append((q, *(rng.normal(size=(2, samples, joint.nv)) / np.sqrt(len(joints)))))
+    q, v, a = (np.concatenate(columns, axis=1) for columns in zip(*parts, strict=True))
+    return q, v, a
 
 
 def _check_count(n: int) -> None:

@@ -32,6 +32,8 @@ def from_model(model: pinocchio.Model) -> dict[str, Any]:
         joints.append(kind)
         if kind in _AXIAL.values():
             axes[i] = _axis(model, i + 1)
+        if np.any(model.armature[model.joints[i + 1].idx_v :][: model.joints[i + 1].nv]):
+            raise InputError(f"model: joint {model.names[i + 1]!r} has an armature, which mp2a does not know")
     bodies = [model.inertias[i + 1] for i in range(n)]
     return {
         "parents": np.array([model.parents[i + 1] - 1 for i in range(n)]),

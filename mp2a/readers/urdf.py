@@ -19,7 +19,7 @@ def read_urdf(path: str | Path) -> dict[str, Any]:
     try:
         # Parsed once by Python's reader, because the C++ one says on standard error what an exception should say.
         root = ElementTree.fromstring(file.read_bytes())
-    except (OSError, ElementTree.ParseError) as error:
+    except (OSError, ValueError, LookupError, ElementTree.ParseError) as error:
         raise InputError(f"path: {path} cannot be read as URDF ({error})") from error
     if root.tag != "robot":
         raise InputError(f"path: {path} has <{root.tag}> as its root, expected <robot>")

@@ -106,7 +106,7 @@ class MPITransport:
         def misfit() -> bool:
             return self.comm.Iprobe(source, MPI.ANY_TAG, self._status) and self._status.Get_tag() != self.samples
 
-        if wait_unless(request, None, misfit):
+        if wait_unless(request, misfit):
             return True
         request.Cancel()
         cancelled = MPI.Status()

@@ -1,5 +1,7 @@
 """A trace has every round of every rank, and no message comes before it was sent."""
 
+from itertools import pairwise
+
 from _formation import COMM, RANK, SIZE, Checks
 
 from mp2a.bench.timeline import clock_offset, record
@@ -24,5 +26,5 @@ if trace is not None:
         check(message["args"]["bytes"] in (8 * 6 * 5, 8 * 42 * 5))
     for rank in range(SIZE):
         spans = sorted((e["ts"], e["ts"] + e["dur"]) for e in events if e["ph"] == "X" and e["tid"] == rank)
-        check(all(before[1] <= after[0] + 1e-6 for before, after in zip(spans, spans[1:], strict=False)))
+        check(all(before[1] <= after[0] + 1e-6 for before, after in pairwise(spans)))
 check.done()

@@ -1,0 +1,262 @@
+"""The paper's figure 12: who computed, waited and sent what to whom, at the times it really happened."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyArrowPatch, Patch
+
+from mp2a.exceptions import InputError
+from mp2a.plot.style import FAINT, INK, Dashes, Look, canvas, handle, legends, look, save, styled, target
+
+RECURRENCES = {"velocity": "#0072B2", "acceleration": "#E69F00", "force": "#009E73"}
+MOST_ROBOTS = 32  # with more, arrows and hatching would cover one another
+_SHAFTS: dict[str, tuple[Dashes, str]] = {
+    "matrix+vector": ("-", "matrix and vector"),
+    "vector": ((0, (3.5, 2)), "vector alone"),
+}
+
+
+class Span(NamedTuple):
+    """What one robot was at for a while; times in µs."""
+
+    robot: int
+    start: float
+    length: float
+    recurrence: str
+    category: str
+
+
+class Message(NamedTuple):
+    """One message, from when it was sent to when it was there; times in µs."""
+
+    source: int
+    sent: float
+    target: int
+    arrived: float
+    kind: str
+
+
+def spans(trace: Mapping[str, Any]) -> list[Span]:
+    """Take the spans out of a trace.
+
+    Parameters
+    ----------
+    trace : mapping
+        A trace file, parsed.
+
+    Returns
+    -------
+    list of Span
+        In the order of the file.
+    """
+    found = trace.get("traceEvents") if isinstance(trace, Mapping) else None
+    if not isinstance(found, list):
+        raise InputError(f"trace: got {type(trace).__name__} without traceEvents, expected a trace file")
+    out = []
+    for event in found:
+        if event.get("ph") != "X":
+            continue
+        name = (event.get("args") or {}).get("recurrence") or str(event.get("name", "")).partition(" ")[0]
+        try:
+            at = (int(event["tid"]), float(event["ts"]), float(event["dur"]))
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"trace: got the span {event!r}, expected one with tid, ts and dur") from error
+        out.append(Span(*at, name, event.get("cat", "compute")))
+    if not out:
+        raise InputError("trace: got no spans (events with ph = X), expected at least one")
+    return out
+
+
+def messages(trace: Mapping[str, Any]) -> list[Message]:
+    """Take the messages out of a trace: each is a start and an end of the same id.
+
+    Parameters
+    ----------
+    trace : mapping
+        A trace file, parsed.
+
+    Returns
+    -------
+    list of Message
+        In the order they were sent; a start whose end the trace does not hold is left out.
+    """
+    events = trace["traceEvents"]
+    ends = {event["id"]: event for event in events if event.get("ph") == "f"}
+    out = []
+    for start in events:
+        if start.get("ph") == "s" and start["id"] in ends:
+            end = ends[start["id"]]
+            kind = (start.get("args") or {}).get("kind", "vector")
+            out.append(Message(int(start["tid"]), float(start["ts"]), int(end["tid"]), float(end["ts"]), kind))
+    return sorted(out, key=lambda message: message.sent)
+
+
+def shares(found: Iterable[Span]) -> dict[str, float]:
+    """Tell which part of the robots' time each recurrence took, waiting included.
+
+    Parameters
+    ----------
+    found : iterable of Span
+        The spans of all robots.
+
+    Returns
+    -------
+    dict
+        From recurrence to a part of 1, the known recurrences first.
+    """
+    total: dict[str, float] = {}
+    for span in found:
+        total[span.recurrence] = total.get(span.recurrence, 0.0) + span.length
+    whole = sum(total.values()) or 1.0
+    order = [name for name in RECURRENCES if name in total] + sorted(total.keys() - RECURRENCES.keys())
+    return {name: total[name] / whole for name in order}
+
+
+def timeline(trace: Mapping[str, Any], path: str | Path) -> Path:
+    """Draw what every robot did when, with the messages as arrows, as the paper's figure 12.
+
+    Parameters
+    ----------
+    trace : mapping
+        A trace file, parsed.
+    path : str or Path
+        Where the picture goes; .png, .svg or .pdf. Its folder is created.
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    InputError
+        For a trace without spans, or an ending that is no picture.
+    """
+    out = target(path)
+    with styled():
+        return save(timeline_figure(trace), out)
+
+
+def timeline_figure(trace: Mapping[str, Any]) -> Figure:
+    """Make the figure `timeline` writes.
+
+    Parameters
+    ----------
+    trace : mapping
+        A trace file, parsed.
+
+    Returns
+    -------
+    Figure
+        One row a robot, robot 1 on top.
+    """
+    found, sent = spans(trace), messages(trace)
+    told = trace.get("mp2a") or {}
+    rows = max([int(told.get("n", 1)), *(span.robot + 1 for span in found), *(m.target + 1 for m in sent)])
+    few = rows <= MOST_ROBOTS
+    zero = min([*(span.start for span in found), *(m.sent for m in sent)])
+    end = max([*(span.start + span.length for span in found), *(m.arrived for m in sent)])
+    unit, name = (1e3, "ms") if end - zero >= 1e3 else (1.0, "µs")
+    figure = canvas(9.6, 2.1 + (max(1.4, 0.42 * rows) if rows <= 10 else max(4.2, 0.21 * rows) if few else 5.2))
+    axes = figure.subplots()
+    for recurrence in shares(found):
+        _bars(axes, [s for s in found if s.recurrence == recurrence], zero, unit, few)
+    if few:
+        for message in sent:
+            _arrow(axes, message, zero, unit)
+    axes.set_xlim(0, max((end - zero) / unit, 1e-9))
+    axes.set_ylim(rows - 0.4, -0.6)
+    step = 1 if rows <= 16 else 2 if few else 2 ** int(np.ceil(np.log2(rows / 16)))
+    ticks = [0, *range(step - 1, rows, step)] if step > 1 else list(range(rows))
+    axes.set_yticks(ticks, [str(tick + 1) for tick in ticks])
+    axes.tick_params(axis="y", length=0)
+    axes.spines["left"].set_visible(False)
+    axes.grid(True, axis="x")
+    axes.set_ylabel("robot")
+    axes.set_xlabel(f"time since the first event ({name})")
+    axes.set_title(_title(told, rows), loc="left")
+    legends(figure, _legend(found, sent, few), 0.82)
+    return figure
+
+
+def _bars(axes: Axes, found: list[Span], zero: float, unit: float, few: bool) -> None:
+    color = _color(found[0].recurrence)
+    half = 0.32 if few else 0.5
+    for waiting in (True, False):
+        chosen = [s for s in found if (s.category == "exchange") == waiting]
+        corners = [
+            [(a, y - half), (b, y - half), (b, y + half), (a, y + half)]
+            for a, b, y in (((s.start - zero) / unit, (s.start + s.length - zero) / unit, s.robot) for s in chosen)
+        ]
+        axes.add_collection(
+            PolyCollection(
+                corners,
+                facecolors=_light(color) if waiting else color,
+                edgecolors=color,
+                linewidths=0.4 if few else 0.0 if waiting else 0.2,
+                hatch="////" if waiting and few else None,
+                zorder=2 if waiting else 3,
+                rasterized=not few,
+                gid=f"{'exchange' if waiting else 'compute'} {found[0].recurrence}",
+            ),
+            autolim=False,
+        )
+
+
+def _arrow(axes: Axes, message: Message, zero: float, unit: float) -> None:
+    towards = 0.32 * np.sign(message.target - message.source)
+    axes.add_patch(
+        FancyArrowPatch(
+            ((message.sent - zero) / unit, message.source + towards),
+            ((message.arrived - zero) / unit, message.target - towards),
+            arrowstyle="-|>,head_length=3.5,head_width=1.6",
+            mutation_scale=1,
+            shrinkA=0,
+            shrinkB=0,
+            color=INK,
+            linewidth=0.7,
+            linestyle=_SHAFTS.get(message.kind, _SHAFTS["vector"])[0],
+            zorder=4,
+        )
+    )
+
+
+def _legend(found: list[Span], sent: list[Message], few: bool) -> list[tuple[str, list[Artist]]]:
+    done = [Patch(color=_color(name), label=f"{name}, {part:.0%} of the time") for name, part in shares(found).items()]
+    pale: dict[str, Any] = {
+        "facecolor": "#e3e3e3",
+        "edgecolor": FAINT,
+        "linewidth": 0.4,
+        "hatch": "//////" if few else None,
+    }
+    shades = [Patch(color="#5a5a5a", label="computing"), Patch(label="exchange: sending and waiting", **pale)]
+    kinds = [k for k in _SHAFTS if any(m.kind == k for m in sent)] if few else []
+    tip: dict[str, Any] = {"linewidth": 0.8, "markersize": 3.5, "markevery": [1]}
+    arrows = [handle(Look(_SHAFTS[k][1], INK, ">"), _SHAFTS[k][0], **tip) for k in kinds]
+    return [("recurrence", [*done]), ("shade", [*shades]), ("message", [*arrows])]
+
+
+def _title(told: Mapping[str, Any], rows: int) -> str:
+    count = told.get("samples")
+    parts = [
+        str(told.get("method", "")),
+        f"n = {rows} robot{'s' * (rows > 1)}",
+        f"{count} sample{'s' * (count != 1)}" if count else "",
+        "real time stamps",
+    ]
+    return ", ".join(part for part in parts if part)
+
+
+def _color(recurrence: str) -> str:
+    return RECURRENCES.get(recurrence) or look(recurrence).color
+
+
+def _light(color: str) -> tuple[float, ...]:
+    return tuple(0.75 + 0.25 * c for c in to_rgb(color))
