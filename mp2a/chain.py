@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mp2a.checks import array
 from mp2a.exceptions import InputError
 from mp2a.joints import JOINTS, Joint
 from mp2a.spatial import Array, inertia_at_origin
@@ -73,7 +74,7 @@ class Chain:
     names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        parents = _array("parents", self.parents, (None,), np.intp)
+        parents = array("parents", self.parents, (None,), whole=True)
         n = len(parents)
         if n == 0:
             raise InputError("parents: got no body, expected at least one")
@@ -90,12 +91,12 @@ class Chain:
             if len(words) != n:
                 raise InputError(f"{label}: got {len(words)}, expected {n}, one a body")
         arrays = {
-            "axes": _array("axes", self.axes, (n, 3)),
-            "rotations": _array("rotations", self.rotations, (n, 3, 3)),
-            "translations": _array("translations", self.translations, (n, 3)),
-            "masses": _array("masses", self.masses, (n,)),
-            "coms": _array("coms", self.coms, (n, 3)),
-            "inertias": _array("inertias", self.inertias, (n, 3, 3)),
+            "axes": array("axes", self.axes, (n, 3)),
+            "rotations": array("rotations", self.rotations, (n, 3, 3)),
+            "translations": array("translations", self.translations, (n, 3)),
+            "masses": array("masses", self.masses, (n,)),
+            "coms": array("coms", self.coms, (n, 3)),
+            "inertias": array("inertias", self.inertias, (n, 3, 3)),
         }
         axial = np.array([JOINTS[joint].axial for joint in joints])
         arrays["axes"] = _unit_axes(arrays["axes"], axial)
@@ -348,7 +349,7 @@ class Chain:
 
     @classmethod
     def from_pinocchio(cls, model: "pinocchio.Model") -> "Chain":
-        """Chain of a `pinocchio.Model`, with its joint order and coordinates.
+        """Chain of a `pinocchio.Model`, with its joint order and coordinates; its gravity stays behind.
 
         Raises
         ------
@@ -364,23 +365,6 @@ class Chain:
         from mp2a.readers.pinocchio_model import to_model
 
         return to_model(self._arrays())
-
-
-def _array(name: str, value: ArrayLike, shape: tuple[int | None, ...], dtype: Any = np.float64) -> NDArray[Any]:
-    """Return ``value`` as an own array of a shape (None: any length), or an error that names it."""
-    try:
-        given = np.array(value, dtype=np.float64) + 0.0  # so that -0.0, which equals 0.0, has its bits as well
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name}: got {type(value).__name__}, expected numbers ({error})") from error
-    if given.ndim != len(shape) or any(want not in (None, got) for want, got in zip(shape, given.shape, strict=True)):
-        wanted = "(" + ", ".join("n" if want is None else str(want) for want in shape) + ")"
-        raise InputError(f"{name}: got shape {given.shape}, expected {wanted}")
-    if not np.isfinite(given).all():
-        where = tuple(int(k) for k in np.argwhere(~np.isfinite(given))[0])
-        raise InputError(f"{name}: got {given[where]} at {where}, expected finite numbers")
-    if not (given == given.astype(dtype)).all():
-        raise InputError(f"{name}: got {given.tolist()}, expected whole numbers")
-    return given.astype(dtype)
 
 
 def _unit_axes(axes: Array, axial: NDArray[np.bool_]) -> Array:

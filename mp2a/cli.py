@@ -82,7 +82,7 @@ def _add_bench(commands: Any) -> None:
     _add_run_options(command)
     command.add_argument("--repeats", type=_positive, default=5, help="repeats of each contender (default: 5)")
     command.add_argument(
-        "--seconds", type=_positive_number, default=3.0, help="time for the repeats of one contender (default: 3)"
+        "--seconds", type=_positive_number, default=10.0, help="time for the repeats of all contenders (default: 10)"
     )
     command.add_argument("--out", type=Path, default=Path("results/bench.json"), help="results file to append to")
     command.add_argument("--fresh", action="store_true", help="measure again what the results file holds already")

@@ -31,6 +31,15 @@ def is_oversubscribed() -> bool:
     return int(ranks) > len(cores)
 
 
+def available_memory() -> int | None:
+    """Return the memory a new process could take without swapping, in bytes; None where the system does not say."""
+    try:
+        with open("/proc/meminfo", encoding="ascii") as lines:  # noqa: PTH123
+            return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable"))
+    except (OSError, StopIteration):
+        return None
+
+
 def timer_slack(nanoseconds: int) -> int:
     """Set how much the kernel may add to this thread's sleeps, and to those of processes it starts.
 

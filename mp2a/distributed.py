@@ -8,6 +8,7 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from mp2a.chain import Chain
+from mp2a.checks import numbers
 from mp2a.exceptions import InputError
 from mp2a.leaf import State, check_gravity, check_state
 from mp2a.methods import METHODS, InverseDynamics, Method
@@ -185,10 +186,7 @@ def _own_force(external: ArrayLike | None) -> Array | None:
     """One robot's forces in the shape of a chain of one."""
     if external is None:
         return None
-    try:
-        force = np.asarray(external, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"external_force: got {type(external).__name__}, expected numbers ({error})") from error
+    force = numbers("external_force", external)
     if force.ndim not in (1, 2) or force.shape[-1] != 6:
         raise InputError(f"external_force: got shape {force.shape}, expected (6,) or (T, 6)")
     return force[..., None, :]

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mp2a.chain import Chain
+from mp2a.checks import array, numbers
 from mp2a.exceptions import InputError
 from mp2a.spatial import Array, apply
 
@@ -55,7 +56,7 @@ def check_state(chain: Chain, q: ArrayLike, v: ArrayLike, a: ArrayLike, external
     """
     arrays = {}
     for name, value, width in (("q", q, chain.nq), ("v", v, chain.nv), ("a", a, chain.nv)):
-        arrays[name] = _numbers(name, value)
+        arrays[name] = numbers(name, value)
         if arrays[name].ndim not in (1, 2) or arrays[name].shape[-1] != width:
             raise InputError(f"{name}: got shape {arrays[name].shape}, expected ({width},) or (T, {width})")
     shapes = {name: array.shape[:-1] for name, array in arrays.items()}
@@ -101,27 +102,17 @@ def joint_torque(chain: Chain, force: Array) -> Array:
 
 def check_gravity(gravity: ArrayLike) -> Array:
     """Check the gravity field, ``(3,)`` m/s² in the base frame."""
-    out = _numbers("gravity", gravity)
-    if out.shape != (3,) or not np.isfinite(out).all():
-        raise InputError(f"gravity: got {np.asarray(gravity).tolist()}, expected three finite numbers, m/s²")
-    return out
-
-
-def _numbers(name: str, value: ArrayLike) -> Array:
-    try:
-        return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name}: got {type(value).__name__}, expected an array of numbers ({error})") from error
+    return array("gravity", gravity, (3,))
 
 
 def _check_finite(chain: Chain, columns: dict[str, Array]) -> None:
-    for name, array in columns.items():
-        if not np.isfinite(array).all():
-            sample, column = (int(k) for k in np.argwhere(~np.isfinite(array))[0])
+    for name, values in columns.items():
+        if not np.isfinite(values).all():
+            sample, column = (int(k) for k in np.argwhere(~np.isfinite(values))[0])
             starts = chain.q_starts if name == "q" else chain.v_starts
             body = int(np.searchsorted(starts, column, side="right")) - 1
             raise InputError(
-                f"{name}: got {array[sample, column]} in sample {sample}, column {column} "
+                f"{name}: got {values[sample, column]} in sample {sample}, column {column} "
                 f"(joint {chain.names[body]!r}), expected finite numbers"
             )
 
@@ -142,7 +133,7 @@ def _check_units(chain: Chain, q: Array) -> None:
 
 
 def _check_external(n: int, samples: int, single: bool, external: ArrayLike) -> Array:
-    forces = _numbers("external_forces", external)
+    forces = numbers("external_forces", external)
     wanted = f"({n}, 6)" if single else f"({n}, 6) or ({samples}, {n}, 6)"
     if forces.shape == (n, 6):
         forces = forces[None]

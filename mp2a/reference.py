@@ -1,12 +1,12 @@
 """pinocchio's serial RNEA in mp2a's conventions: the O(n) reference."""
 
-import os
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mp2a.chain import Chain
+from mp2a.cores import available_memory
 from mp2a.exceptions import MissingError
 from mp2a.leaf import check_gravity, check_state
 from mp2a.methods.result import InverseDynamics
@@ -36,8 +36,8 @@ class Reference:
     """
 
     def __init__(self, chain: Chain) -> None:
-        need, free = data_bytes(chain.nv), _free_bytes()
-        if need > free:
+        need, free = data_bytes(chain.nv), available_memory()
+        if free is not None and need > free:
             fits = int((free / (8 * _TENSORS)) ** (1 / 3))
             raise MissingError(
                 f"pinocchio's Data for nv = {chain.nv} takes {need / 1e9:.1f} GB (it holds nv³ tensors) and "
@@ -95,11 +95,3 @@ class Reference:
 def data_bytes(nv: int) -> int:
     """Memory that `pinocchio.Data` takes for nv degrees of freedom, in bytes, to some per cent."""
     return 8 * _TENSORS * nv**3
-
-
-def _free_bytes() -> float:
-    """Memory a new process could take, in bytes; no bound where the system does not say."""
-    try:
-        return float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    except (ValueError, OSError):
-        return float("inf")

@@ -90,11 +90,12 @@ class Relay:
     def _prepare(self, state: State) -> tuple[Array, Array, Array]:
         """Map of a hop ``(T, 12, 12)``, what it adds ``(T, 12)``, and the motion operator ``(T, 6, 6)``."""
         joint = joint_motion(self.body, state)
-        operator = motion_operator(joint.rotation[0], joint.translation[0])
         relative = joint.velocity[0]
         hop = np.zeros((state.samples, 12, 12))
-        hop[:, :6, :6] = hop[:, 6:, 6:] = operator
-        hop[:, 6:, :6] = -_motion_cross(relative) @ operator
+        operator = hop[:, :6, :6]
+        operator[:] = motion_operator(joint.rotation[0], joint.translation[0])
+        hop[:, 6:, 6:] = operator
+        np.matmul(_motion_cross(-relative), operator, out=hop[:, 6:, :6])
         return hop, np.concatenate((relative, joint.acceleration[0]), axis=1), operator
 
     def _force(self, motion: Array) -> Array:

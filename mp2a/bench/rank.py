@@ -1,8 +1,10 @@
 """What every rank of the benchmark runs: the contenders in turn, each timed by itself."""
 
+import ctypes
 import gc
 import os
 import statistics
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -26,6 +28,7 @@ from mp2a.transport.wait import wait
 
 _PIPELINE = 16
 _SINGLES = 64
+_QUIET = 1.0
 
 
 class Timing(NamedTuple):
@@ -83,18 +86,17 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
         contenders["centre"] = Centre(comm, chain, reference).rnea
         contenders["pinocchio"] = _alone(chain, reference, settings)
     say("first calls")
-    error = _error(comm, chain, settings, reference, contenders[settings.method](*batch))
+    torque = contenders[settings.method](*batch)
+    sent = _sent(comm, formation, settings.samples)
+    error = _error(comm, chain, settings, reference, torque)
     memory = _memory(comm)
-    sent = _sent(comm, formation, lambda: formation.rnea(*batch))
     some = tuple(part[:_SINGLES] for part in batch)
     measured = {
         "batch": _measure(comm, contenders, batch, settings, say),
         "single": _measure(comm, contenders, some, settings, say, single=True),
     }
-    hop_by_hop = {
-        "batch": _relay_alone(comm, relay, [batch] * 3),
-        "single": _relay_alone(comm, relay, _one_by_one(some)[:3]),
-    }
+    say("relay, hop by hop")
+    hops = {"batch": _relay_alone(comm, relay, [batch]), "single": _relay_alone(comm, relay, _one_by_one(some)[:3])}
     say("network")
     network = _network(comm, settings, measured)
     count = formation.schedule.count(DOUBLES)
@@ -119,7 +121,7 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
             settings.method: {
                 size: statistics.median(values[settings.method].cpu) for size, values in measured.items()
             },
-            "relay": hop_by_hop,
+            "relay": hops,
         },
         "modelled": _modelled(n, settings, network),
         "network": network._asdict(),
@@ -157,11 +159,11 @@ def _measure(
 ) -> dict[str, Timing]:
     """Time the contenders in turn, interleaved, so that what the machine does meanwhile falls on all alike."""
     size = "one sample at a time" if single else f"{len(state[0])} samples together"
+    repeats, calls = _affordable(comm, contenders, state, settings, single=single)
     timings = {name: Timing([], []) for name in contenders}
-    calls = {name: _affordable(comm, call, state, settings, single=single) for name, call in contenders.items()}
-    for repeat in range(settings.repeats):
+    for repeat in range(repeats):
         for name, call in contenders.items():
-            say(f"{size}: {name}, repeat {repeat + 1} of {settings.repeats}")
+            say(f"{size}: {name}, repeat {repeat + 1} of {repeats}")
             wall, cpu = _timed(comm, call, state, calls[name], single=single)
             timings[name].wall.append(wall)
             timings[name].cpu.append(cpu)
@@ -169,14 +171,24 @@ def _measure(
 
 
 def _affordable(
-    comm: MPI.Intracomm, call: Callable[..., Array], state: tuple[Array, ...], settings: Settings, *, single: bool
-) -> int:
-    """How many calls a repeat may have within the time allowed; also the call that warms up."""
-    wall, _ = _timed(comm, call, state, 1, single=single)
-    samples = 1 if single else len(state[0])
-    most = _SINGLES if single else 10
-    count = int(settings.seconds / settings.repeats / max(wall * samples, 1e-9))
-    return int(comm.bcast(min(max(count, 1), most, len(state[0]) if single else most)))
+    comm: MPI.Intracomm,
+    contenders: dict[str, Callable[..., Array]],
+    state: tuple[Array, ...],
+    settings: Settings,
+    *,
+    single: bool,
+) -> tuple[int, dict[str, int]]:
+    """How many repeats, and calls in each, the time allows: the same on every rank. The calls it makes warm up."""
+    most = min(_SINGLES, len(state[0])) if single else 10
+    walls = {}
+    for name, call in contenders.items():
+        wall, _ = _timed(comm, call, state, 1, single=single)
+        walls[name] = wall if single else wall * len(state[0])
+    repeats = min(settings.repeats, max(1, int(settings.seconds / sum(walls.values()))))
+    share = settings.seconds / repeats / len(contenders)
+    calls = {name: min(max(int(share / wall), 1), most) for name, wall in walls.items()}
+    plan: tuple[int, dict[str, int]] = comm.bcast((repeats, calls))
+    return plan
 
 
 def _timed(
@@ -185,6 +197,7 @@ def _timed(
     """Wall and largest processor seconds a sample of some calls in a row."""
     arguments = _one_by_one(state)[:calls] if single else [state] * calls
     gc.collect()
+    _give_back()
     barrier(comm)
     wall, cpu = time.perf_counter(), time.process_time()
     for sample in arguments:
@@ -194,6 +207,14 @@ def _timed(
     wait(comm.Iallreduce(mine, most, MPI.MAX))
     done = calls if single else calls * len(state[0])
     return float(most[0]) / done, float(most[1]) / done
+
+
+def _give_back() -> None:
+    """Return the memory of what the last contender left to the system, so that hundreds of ranks fit."""
+    if sys.platform == "linux":
+        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc's
+        if trim is not None:
+            trim(0)
 
 
 def _one_by_one(state: tuple[Array, ...]) -> list[tuple[Array, ...]]:
@@ -231,15 +252,12 @@ def _error(
     return {"relative": float(np.abs(ours - theirs).max() / np.abs(theirs).max()), "against": against}
 
 
-def _sent(comm: MPI.Intracomm, formation: DistributedChain, call: Callable[[], object]) -> dict[str, int] | None:
-    """Messages and bytes a sample that all ranks really sent in one call, on rank 0."""
+def _sent(comm: MPI.Intracomm, formation: DistributedChain, samples: int) -> dict[str, int] | None:
+    """Messages of a call and bytes a sample that all ranks have sent in the one call so far, on rank 0."""
     transport = formation.transport
-    before = sum(transport.messages.values()), transport.doubles
-    samples = transport.samples
-    call()
-    mine = np.array([sum(transport.messages.values()) - before[0], (transport.doubles - before[1]) // samples])
+    mine = np.array([sum(transport.messages.values()), transport.doubles])
     total = comm.reduce(mine)
-    return {"messages": int(total[0]), "bytes": 8 * int(total[1])} if total is not None else None
+    return {"messages": int(total[0]), "bytes": 8 * int(total[1]) // samples} if total is not None else None
 
 
 def _memory(comm: MPI.Intracomm) -> dict[str, Any] | None:
@@ -278,6 +296,7 @@ def _ping_pong(comm: MPI.Intracomm, doubles: int, rounds: int = 50) -> float:
     rank = comm.Get_rank()
     barrier(comm)
     if rank > 1 or comm.Get_size() == 1:
+        time.sleep(_QUIET)  # and not in the barrier, where hundreds of ranks looking for it would be in the way
         barrier(comm)
         return 0.0
     data, times = np.zeros(doubles), []

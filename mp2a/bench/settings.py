@@ -19,8 +19,8 @@ class Settings(NamedTuple):
     repeats: int = 5
     seed: int = 0
     method: str = "kogge-stone"
-    seconds: float = 3.0
-    """Time that the repeats of one contender may take, if one call takes less."""
+    seconds: float = 10.0
+    """Time for the repeats of all contenders; where one call each takes longer, there are fewer repeats."""
     serial_time: float | None = None
     """T_s of eq. 13, s; None: as measured."""
     latency: float | None = None

@@ -13,6 +13,7 @@ from typing import Any
 from mp2a import launch
 from mp2a.bench import results
 from mp2a.bench.settings import ERROR, PROGRESS, STARTED, Settings
+from mp2a.cores import available_memory
 from mp2a.exceptions import MissingError
 
 
@@ -115,14 +116,14 @@ def _follow(lines: Any, say: Callable[[str], None]) -> list[str]:
 @contextmanager
 def _lowest_free_memory() -> Iterator[Callable[[], int | None]]:
     """Watch how far the machine's available memory falls, in bytes; None where the system does not say."""
-    at_first = _available()
-    lowest = at_first
+    at_first = available_memory()
+    lowest = at_first or 0
     over = threading.Event()
 
     def watch() -> None:
         nonlocal lowest
         while not over.wait(0.25):
-            lowest = min(lowest, _available())
+            lowest = min(lowest, available_memory() or 0)
 
     watcher = threading.Thread(target=watch, daemon=True)
     watcher.start()
@@ -131,11 +132,3 @@ def _lowest_free_memory() -> Iterator[Callable[[], int | None]]:
     finally:
         over.set()
         watcher.join()
-
-
-def _available() -> int:
-    try:
-        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-    except OSError:
-        return 0
-    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable"))

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mp2a.checks import array
 from mp2a.exceptions import InputError
 from mp2a.spatial import Array
 
@@ -26,10 +27,10 @@ def read_dh(
     standard convention in this order, the modified one in the other. Our body frame is the joint's, so a standard
     row's link motion belongs to the placement of the next joint, and its link frame lies that far from the body's.
     """
-    table = np.array(rows, dtype=float)
-    if table.ndim != 2 or table.shape[1] != 4 or not len(table) or not np.isfinite(table).all():
-        raise InputError(f"rows: got shape {table.shape}, expected (n, 4) finite numbers: a, alpha, d, theta")
+    table = array("rows", rows, (None, 4))  # a, alpha, d, theta
     n = len(table)
+    if n == 0:
+        raise InputError("rows: got none, expected at least one: a, alpha, d, theta")
     if convention not in CONVENTIONS:
         raise InputError(f"convention: got {convention!r}, expected one of {', '.join(CONVENTIONS)}")
     kinds = tuple(joints) if joints is not None else ("revolute",) * n
@@ -37,12 +38,9 @@ def read_dh(
         raise InputError(f"joints: got {list(kinds)}, expected {n} of 'revolute' or 'prismatic'")
     link_r, link_p = _screw(0, table[:, 1], table[:, 0])
     joint_r, joint_p = _screw(2, table[:, 3], table[:, 2])
-    link_coms = np.zeros((n, 3)) if coms is None else np.array(coms, dtype=float)
-    link_inertias = np.tile(0.01 * np.eye(3), (n, 1, 1)) if inertias is None else np.array(inertias, dtype=float)
-    if link_coms.shape != (n, 3) or link_inertias.shape != (n, 3, 3):
-        raise InputError(
-            f"coms, inertias: got shapes {link_coms.shape} and {link_inertias.shape}, expected ({n}, 3) and ({n}, 3, 3)"
-        )
+    link_coms = np.zeros((n, 3)) if coms is None else array("coms", coms, (n, 3))
+    unit = np.tile(0.01 * np.eye(3), (n, 1, 1))
+    link_inertias = unit if inertias is None else array("inertias", inertias, (n, 3, 3))
     if convention == "standard":
         before_r = np.concatenate((np.eye(3)[None], link_r[:-1]))
         before_p = np.concatenate((np.zeros((1, 3)), link_p[:-1]))
@@ -56,7 +54,7 @@ def read_dh(
         "axes": np.tile([0.0, 0.0, 1.0], (n, 1)),
         "rotations": before_r @ joint_r,
         "translations": before_p + np.einsum("nij,nj->ni", before_r, joint_p),
-        "masses": np.ones(n) if masses is None else np.array(masses, dtype=float),
+        "masses": np.ones(n) if masses is None else array("masses", masses, (n,)),
         "coms": link_coms,
         "inertias": link_inertias,
     }

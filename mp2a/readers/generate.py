@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mp2a.checks import array, count
 from mp2a.exceptions import InputError
 from mp2a.joints import JOINTS
 from mp2a.spatial import Array
@@ -15,10 +16,9 @@ def uniform(
     n: int, joint: str, axis: ArrayLike, offset: ArrayLike, mass: float, inertia: ArrayLike | None
 ) -> dict[str, Any]:
     """Fields of `Chain.uniform`."""
-    _check_count(n)
-    step = np.asarray(offset, dtype=float)
-    if step.shape != (3,):
-        raise InputError(f"offset: got shape {step.shape}, expected (3,)")
+    count("n", n)
+    step = array("offset", offset, (3,))
+    mass = float(array("mass", mass, ()))
     if inertia is None:
         length = float(step @ step)
         inertia = mass / 12 * (length * np.eye(3) - np.outer(step, step) + 0.01 * (1 + length) * np.eye(3))
@@ -27,23 +27,23 @@ def uniform(
     return {
         "parents": np.arange(n) - 1,
         "joints": (joint,) * n,
-        "axes": np.tile(np.asarray(axis, dtype=float), (n, 1)),
+        "axes": np.tile(array("axis", axis, (3,)), (n, 1)),
         "rotations": np.tile(np.eye(3), (n, 1, 1)),
         "translations": translations,
-        "masses": np.full(n, float(mass)),
+        "masses": np.full(n, mass),
         "coms": np.tile(step / 2, (n, 1)),
-        "inertias": np.tile(np.asarray(inertia, dtype=float), (n, 1, 1)),
+        "inertias": np.tile(array("inertia", inertia, (3, 3)), (n, 1, 1)),
     }
 
 
 def random(n: int, seed: int, joints: Sequence[str], branching: int) -> dict[str, Any]:
     """Fields of `Chain.random`; placements of some decimetres, so that 512 bodies stay within tens of metres."""
-    _check_count(n)
-    unknown = [joint for joint in joints if joint not in JOINTS]
+    count("n", n)
+    count("seed", seed, 0)
+    count("branching", branching)
+    unknown = [joint for joint in joints if joint not in list(JOINTS)]
     if unknown or not joints:
         raise InputError(f"joints: got {list(joints)}, expected some of {', '.join(JOINTS)}")
-    if branching < 1:
-        raise InputError(f"branching: got {branching}, expected at least 1")
     rng = np.random.default_rng(seed)
     index = np.arange(n)
     axes = rng.normal(size=(n, 3))
@@ -63,6 +63,7 @@ def random(n: int, seed: int, joints: Sequence[str], branching: int) -> dict[str
 
 def random_state(joints: Sequence[str], body: int | None, samples: int, seed: int) -> tuple[Array, Array, Array]:
     """See `Chain.random_state`; always with a sample axis."""
+    count("seed", seed, 0)
     parts = []
     for i in range(len(joints)) if body is None else (body,):
         rng = np.random.default_rng((seed, i))
@@ -74,11 +75,6 @@ def random_state(joints: Sequence[str], body: int | None, samples: int, seed: in
         parts.append((q, *(rng.normal(size=(2, samples, joint.nv)) / np.sqrt(len(joints)))))
     q, v, a = (np.concatenate(columns, axis=1) for columns in zip(*parts, strict=True))
     return q, v, a
-
-
-def _check_count(n: int) -> None:
-    if not isinstance(n, int | np.integer) or n < 1:
-        raise InputError(f"n: got {n!r}, expected a whole number of at least 1")
 
 
 def _random_rotations(rng: np.random.Generator, n: int) -> Array:

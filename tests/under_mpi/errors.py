@@ -33,7 +33,7 @@ make = mp2a.DistributedChain
 for bad in wrong_ranks:
     same_error([f"rank {bad}", "chain", "NoneType"], make, COMM, on(bad, None, chain))
     same_error([f"rank {bad}", "method", "magic"], make, COMM, chain, on(bad, "magic", "kogge-stone"))
-    same_error([f"rank {bad}", "gravity", "[1.0]"], make, COMM, chain, gravity=on(bad, [1.0], [0, 0, -9.81]))
+    same_error([f"rank {bad}", "gravity: got shape (1,)"], make, COMM, chain, gravity=on(bad, [1.0], [0, 0, -9.81]))
     same_error([f"{SIZE + 1} bodies", f"{SIZE} ranks"], make, COMM, on(bad, larger, chain))
     if SIZE > 1:
         same_error(["chain", "same on every rank"], make, COMM, on(bad, other, chain))

@@ -1,0 +1,16 @@
+"""One rank, one robot: mpirun -n 8 python -m mpi4py examples/formation.py."""
+
+from mpi4py import MPI
+
+import mp2a
+
+comm = MPI.COMM_WORLD
+chain = mp2a.Chain.uniform(comm.size, axis=(0, 1, 0))  # a row of rods, each hinged to the one before
+with mp2a.DistributedChain(comm, chain) as formation:
+    mine = formation.rnea(q=[0.1], v=[0.2], a=[0.0])
+
+lines = comm.gather(
+    f"robot {comm.rank + 1}: torque {mine.torque[0]:9.3f} N m, speed of its origin {abs(mine.velocity[5]):.3f} m/s"
+)
+if lines is not None:
+    print("\n".join(lines))

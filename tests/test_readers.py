@@ -1,0 +1,275 @@
+"""Chains from parameters, Denavit-Hartenberg rows, pinocchio and URDF are the mechanisms they describe."""
+
+import dataclasses
+
+import numpy as np
+import pinocchio
+import pytest
+from helpers import ALL_JOINTS, placements, relative_error
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import mp2a
+from mp2a import Chain, InputError
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+# ---- made up -------------------------------------------------------------------------------------------------------
+
+
+def test_uniform_bodies_are_equal_and_one_offset_apart():
+    chain = Chain.uniform(6, joint="prismatic", axis=(0, 3, 4), offset=(0.5, 0, 1), mass=2.5)
+    assert set(chain.joints) == {"prismatic"}
+    assert np.allclose(chain.axes, [0, 0.6, 0.8])
+    _, origins = placements(chain, chain.neutral)
+    assert np.allclose(origins, np.outer(range(6), (0.5, 0, 1)))
+    for i in range(2, 6):
+        assert dataclasses.replace(chain.body(i), names=("x",)) == dataclasses.replace(chain.body(1), names=("x",))
+    assert Chain.uniform(2, inertia=3 * np.eye(3)).inertias[1, 0, 0] == 3.0
+
+
+@given(n=st.integers(1, 30), seed=seeds, branching=st.integers(1, 5))
+def test_random_bodies_are_possible_bodies(n, seed, branching):
+    chain = Chain.random(n, seed, ALL_JOINTS, branching)
+    moments = np.linalg.eigvalsh(chain.inertias)
+    assert (moments > 0).all()
+    assert (moments[:, 0] + moments[:, 1] >= moments[:, 2]).all()  # else no distribution of mass has this inertia
+    back = np.arange(n) - chain.parents
+    assert (back >= 1).all()
+    assert (back[1:] <= branching).all()
+    assert chain.is_serial or branching > 1
+
+
+@pytest.mark.parametrize(
+    ("make", "argument"),
+    [
+        (lambda: Chain.uniform(0), "n"),
+        (lambda: Chain.uniform(2.5), "n"),
+        (lambda: Chain.uniform(2, offset=(1, 0)), "offset"),
+        (lambda: Chain.uniform(2, joint="hinge"), "joints"),
+        (lambda: Chain.uniform(2, axis=(0, 0, 0)), "axes"),
+        (lambda: Chain.uniform(2, mass=-1), "masses"),
+        (lambda: Chain.random(-1), "n"),
+        (lambda: Chain.random(2, joints=()), "joints"),
+        (lambda: Chain.random(2, joints=("hinge",)), "joints"),
+        (lambda: Chain.random(2, branching=0), "branching"),
+        (lambda: Chain.from_dh([[1, 2, 3]]), "rows"),
+        (lambda: Chain.from_dh(np.zeros((0, 4))), "rows"),
+        (lambda: Chain.from_dh([[0, np.nan, 0, 0]]), "rows"),
+        (lambda: Chain.from_dh([[0, 0, 0, 0]], convention="classic"), "convention"),
+        (lambda: Chain.from_dh([[0, 0, 0, 0]], joints=["spherical"]), "joints"),
+        (lambda: Chain.from_dh([[0, 0, 0, 0]], joints=["revolute"] * 2), "joints"),
+        (lambda: Chain.from_dh([[0, 0, 0, 0]], masses=[1, 2]), "masses"),
+        (lambda: Chain.from_dh([[0, 0, 0, 0]], coms=[0, 0, 0]), "coms"),
+        (lambda: Chain.from_dh([[0, 0, 0, 0]], inertias=np.eye(3)), "inertias"),
+    ],
+)
+def test_error_names_the_argument(make, argument):
+    with pytest.raises(InputError, match=f"^{argument}.*: got .*expected"):
+        make()
+
+
+# ---- Denavit and Hartenberg ----------------------------------------------------------------------------------------
+
+
+def along(axis, length, angle):
+    """4×4 matrix of a screw along x (0) or z (2), each entry as in the textbooks."""
+    c, s = np.cos(angle), np.sin(angle)
+    if axis == 0:
+        return np.array([[1, 0, 0, length], [0, c, -s, 0], [0, s, c, 0], [0, 0, 0, 1]])
+    return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, length], [0, 0, 0, 1]])
+
+
+def link_frames(rows, joints, q, convention):
+    """Link frames of a table in the base frame, as products of the 4×4 matrices of the convention."""
+    frame, out = np.eye(4), []
+    for (a, alpha, d, theta), joint, x in zip(rows, joints, q, strict=True):
+        moved = along(2, d + x, theta) if joint == "prismatic" else along(2, d, theta + x)
+        link = along(0, a, alpha)
+        frame = frame @ (moved @ link if convention == "standard" else link @ moved)
+        out.append(frame)
+    return np.array(out)
+
+
+def random_arm(n, seed):
+    """Rows, joints, masses, centres of mass and inertias of an arm, in the link frames."""
+    rng = np.random.default_rng(seed)
+    rows = rng.uniform(-1, 1, (n, 4)) * [1, np.pi, 1, np.pi]
+    bodies = Chain.random(n, seed)
+    return rows, rng.choice(["revolute", "prismatic"], n).tolist(), bodies.masses, bodies.coms, bodies.inertias
+
+
+@pytest.mark.parametrize("convention", ["standard", "modified"])
+@given(n=st.integers(1, 8), seed=seeds)
+def test_dh_frames_are_the_product_of_dh_matrices(convention, n, seed):
+    rows, joints, masses, coms, inertias = random_arm(n, seed)
+    chain = Chain.from_dh(rows, joints, convention=convention, masses=masses, coms=coms, inertias=inertias)
+    q = chain.random_state(seed=seed)[0]
+    frames = link_frames(rows, joints, q, convention)
+    rotations, origins = placements(chain, q)
+    centres = origins + np.einsum("nij,nj->ni", rotations, chain.coms)
+    wanted = frames[:, :3, 3] + np.einsum("nij,nj->ni", frames[:, :3, :3], coms)
+    assert np.allclose(centres, wanted, rtol=0, atol=1e-13)
+    assert np.allclose(chain.masses, masses)
+    turned = rotations @ chain.inertias @ rotations.swapaxes(1, 2)
+    assert np.allclose(turned, frames[:, :3, :3] @ inertias @ frames[:, :3, :3].swapaxes(1, 2), rtol=0, atol=1e-13)
+
+
+PUMA = np.array(  # a, alpha, d, theta of the PUMA 560, standard convention (Corke and Armstrong 1994)
+    [
+        [0, np.pi / 2, 0, 0], [0.4318, 0, 0, 0], [0.0203, -np.pi / 2, 0.15005, 0],
+        [0, np.pi / 2, 0.4318, 0], [0, -np.pi / 2, 0, 0], [0, 0, 0, 0],
+    ]
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("convention", ["standard", "modified"])
+def test_dh_arm_has_the_torque_of_a_model_built_joint_by_joint(convention):
+    """The model's joints stand at the previous link frame (standard) or past a and alpha (modified)."""
+    rng = np.random.default_rng(0)
+    _, _, masses, coms, inertias = random_arm(6, 3)
+    joints = ["revolute", "revolute", "prismatic", "revolute", "revolute", "revolute"]
+    model, hook = pinocchio.Model(), pinocchio.SE3.Identity()
+    for i, (a, alpha, d, theta) in enumerate(PUMA):
+        link, fixed = pinocchio.SE3(along(0, a, alpha)), pinocchio.SE3(along(2, d, theta))
+        joint = pinocchio.JointModelRZ() if joints[i] == "revolute" else pinocchio.JointModelPZ()
+        body = pinocchio.Inertia(masses[i], coms[i], inertias[i])
+        if convention == "standard":  # joint, then d and theta, then a and alpha up to the link frame
+            model.addJoint(i, joint, hook, f"j{i}")
+            hook = fixed * link
+            model.appendBodyToJoint(i + 1, body, hook)
+        else:
+            model.addJoint(i, joint, link, f"j{i}")
+            model.appendBodyToJoint(i + 1, body, fixed)
+            model.jointPlacements[i + 1] = hook * link
+            hook = fixed
+    q, v, a = rng.normal(size=(3, 6))
+    chain = Chain.from_dh(PUMA, joints, convention=convention, masses=masses, coms=coms, inertias=inertias)
+    assert relative_error(mp2a.rnea(chain, q, v, a), pinocchio.rnea(model, model.createData(), q, v, a)) < 1e-13
+
+
+# ---- pinocchio -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("joint", ALL_JOINTS)
+@given(n=st.integers(1, 6), seed=seeds)
+@settings(max_examples=30)
+def test_chain_comes_back_from_pinocchio(joint, n, seed):
+    chain = Chain.random(n, seed, (joint,), branching=2)
+    back = Chain.from_pinocchio(chain.to_pinocchio())
+    if joint == "continuous":  # pinocchio divides a skew axis of this type by its length once more
+        assert np.abs(back.axes - chain.axes).max() <= 2**-52
+        back = dataclasses.replace(back, axes=chain.axes)
+    assert back == chain
+
+
+@pytest.mark.parametrize("joint", ["revolute", "continuous", "prismatic"])
+@pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1), (-0.0, 1, 0)])
+def test_aligned_axes_come_back_from_pinocchio(joint, axis):
+    chain = Chain.uniform(3, joint, axis)
+    assert Chain.from_pinocchio(chain.to_pinocchio()) == chain
+
+
+@pytest.mark.parametrize(
+    "joint",
+    [
+        pinocchio.JointModelHX(0.1),
+        pinocchio.JointModelSphericalZYX(),
+        pinocchio.JointModelTranslation(),
+        pinocchio.JointModelUniversal(np.array([1.0, 0, 0]), np.array([0, 1.0, 0])),
+        pinocchio.JointModelComposite(pinocchio.JointModelRX()),
+    ],
+)
+def test_unknown_joint_type_is_refused_by_name(joint):
+    model = pinocchio.Model()
+    model.addJoint(0, joint, pinocchio.SE3.Identity(), "elbow")
+    with pytest.raises(InputError, match=f"joint 'elbow' is a {model.joints[1].shortname()}"):
+        Chain.from_pinocchio(model)
+
+
+def test_model_that_is_more_than_a_chain_is_refused():
+    with pytest.raises(InputError, match="without joints"):
+        Chain.from_pinocchio(pinocchio.Model())
+    model = Chain.uniform(3).to_pinocchio()
+    model.armature = np.array([0.0, 0.1, 0.0])  # pinocchio's rnea would add it to the torque
+    with pytest.raises(InputError, match="'joint2' has an armature"):
+        Chain.from_pinocchio(model)
+
+
+# ---- URDF ----------------------------------------------------------------------------------------------------------
+
+
+def urdf(*joints):
+    """Robot of joints ``(type, parent link, child link)``, each with its own placement, axis and inertia."""
+    links = sorted({name for _, *ends in joints for name in ends})
+    lines = ['<?xml version="1.0"?>', '<robot name="arm">']
+    for i, name in enumerate(links, start=1):
+        lines.append(
+            f'<link name="{name}"><inertial><origin xyz="0.1 0.{i} -0.2" rpy="0.3 0.1 0.{i}"/><mass value="{i}.5"/>'
+            f'<inertia ixx="0.3" iyy="0.2{i}" izz="0.25" ixy="0.01" ixz="-0.02" iyz="0.03"/></inertial></link>'
+        )
+    for i, (kind, parent, child) in enumerate(joints, start=1):
+        lines.append(
+            f'<joint name="{parent}-{child}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="0.{i} -0.2 0.3" rpy="0.{i} 1.1 -0.4"/><axis xyz="1 {i} -2"/>'
+            '<limit lower="-3" upper="3" effort="10" velocity="5"/></joint>'
+        )
+    return "\n".join([*lines, "</robot>"])
+
+
+def test_urdf_arm_has_pinocchios_torque(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(
+        urdf(
+            ("fixed", "world", "pedestal"), ("revolute", "pedestal", "l1"), ("continuous", "l1", "l2"),
+            ("fixed", "l2", "bracket"), ("prismatic", "bracket", "l3"), ("fixed", "l3", "l4"),
+            ("continuous", "l4", "l5"), ("fixed", "l5", "tool"),
+        )
+    )  # fmt: skip
+    chain = Chain.from_urdf(path)
+    model = pinocchio.buildModelFromUrdf(str(path))
+    assert chain.joints == ("revolute", "continuous", "prismatic", "continuous")
+    assert chain.names == ("pedestal-l1", "l1-l2", "bracket-l3", "l4-l5")
+    q, v, a = chain.random_state(5)
+    expected = [pinocchio.rnea(model, model.createData(), *x) for x in zip(q, v, a, strict=True)]
+    assert relative_error(mp2a.rnea(chain, q, v, a), np.array(expected)) < 1e-13
+
+
+@pytest.mark.parametrize(("kind", "joint"), [("floating", "free"), ("planar", "planar")])
+def test_urdf_joints_of_several_degrees_of_freedom(tmp_path, kind, joint):
+    text = urdf((kind, "world", "body"), ("revolute", "body", "arm")).replace('xyz="1 1 -2"', 'xyz="0 0 1"')
+    (tmp_path / "rover.urdf").write_text(text)
+    chain = Chain.from_urdf(str(tmp_path / "rover.urdf"))
+    model = pinocchio.buildModelFromUrdf(str(tmp_path / "rover.urdf"))
+    assert chain.joints == (joint, "revolute")
+    state = chain.random_state()
+    assert relative_error(mp2a.rnea(chain, *state), pinocchio.rnea(model, model.createData(), *state)) < 1e-13
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (urdf(("revolute", "base", "left"), ("revolute", "base", "right")).encode(), "branches at joint 'base-right'"),
+        (urdf(("fixed", "base", "tip")).encode(), "without joints"),
+        (urdf(("sliding", "base", "tip")).encode(), "cannot be read as URDF"),
+        (urdf(("revolute", "a", "b"), ("revolute", "b", "a")).encode(), "cannot be read as URDF"),
+        (b"", "cannot be read as URDF"),
+        (b"not XML", "cannot be read as URDF"),
+        (b"\xff\xfe\x00", "cannot be read as URDF"),
+        (b'<?xml version="1.0" encoding="none"?><robot/>', "cannot be read as URDF"),
+        (b"<sdf/>", "<sdf> as its root, expected <robot>"),
+        (b'<robot name="r"/>', "cannot be read as URDF"),
+    ],
+)
+def test_urdf_that_is_no_serial_chain_gives_an_input_error(tmp_path, content, message):
+    path = tmp_path / "wrong.urdf"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        Chain.from_urdf(path)
+
+
+def test_urdf_that_cannot_be_opened_gives_an_input_error(tmp_path):
+    for path in (tmp_path / "missing.urdf", tmp_path, "null\0character"):
+        with pytest.raises(InputError, match=r"^path: .* cannot be read as URDF"):
+            Chain.from_urdf(path)

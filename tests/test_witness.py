@@ -1,0 +1,63 @@
+"""MuJoCo, which shares no code with pinocchio, as a second witness."""
+
+import numpy as np
+import pytest
+from helpers import relative_error
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mp2a
+from mp2a import Chain
+
+mujoco = pytest.importorskip("mujoco")
+
+JOINTS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "spherical": "ball"}
+
+
+def numbers(array):
+    return " ".join(repr(float(x)) for x in np.ravel(array))
+
+
+def mjcf(chain, gravity):
+    """MuJoCo's description of a serial chain: bodies within bodies."""
+    lines = [
+        '<mujoco><compiler angle="radian"/>',
+        f'<option gravity="{numbers(gravity)}"><flag contact="disable" constraint="disable"/></option><worldbody>',
+    ]
+    for i, joint in enumerate(chain.joints):
+        quaternion = np.empty(4)
+        mujoco.mju_mat2Quat(quaternion, chain.rotations[i].ravel())
+        inertia = chain.inertias[i][[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        axis = "" if joint == "spherical" else f'axis="{numbers(chain.axes[i])}"'
+        lines.append(
+            f'<body pos="{numbers(chain.translations[i])}" quat="{numbers(quaternion)}">'
+            f'<joint type="{JOINTS[joint]}" {axis}/><inertial pos="{numbers(chain.coms[i])}" '
+            f'mass="{float(chain.masses[i])!r}" fullinertia="{numbers(inertia)}"/>'
+        )
+    return "\n".join([*lines, "</body>" * len(chain), "</worldbody></mujoco>"])
+
+
+def mujoco_coordinates(chain, q):
+    """Coordinates in MuJoCo's convention: quaternions with w first, an angle for a cosine and sine."""
+    out = []
+    for i, joint in enumerate(chain.joints):
+        own = q[chain.q_starts[i] : chain.q_starts[i + 1]]
+        if joint == "spherical":
+            own = np.roll(own, 1)
+        elif joint == "continuous":
+            own = [np.arctan2(own[1], own[0])]
+        out.extend(own)
+    return np.array(out)
+
+
+@pytest.mark.parametrize("method", ["serial", "kogge-stone"])
+@given(n=st.integers(1, 20), seed=st.integers(0, 2**32 - 1))
+def test_torque_is_mujocos(method, n, seed):
+    chain = Chain.random(n, seed, tuple(JOINTS))
+    gravity = np.random.default_rng(seed).normal(scale=5.0, size=3)
+    q, v, a = chain.random_state(seed=seed)
+    model = mujoco.MjModel.from_xml_string(mjcf(chain, gravity))
+    data = mujoco.MjData(model)
+    data.qpos, data.qvel, data.qacc = mujoco_coordinates(chain, q), v, a
+    mujoco.mj_inverse(model, data)
+    assert relative_error(mp2a.rnea(chain, q, v, a, gravity=gravity, method=method), data.qfrc_inverse) <= 1e-10
