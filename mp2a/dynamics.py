@@ -64,7 +64,7 @@ def rnea(
     gravity
         ``(3,)`` m/s² in the base frame.
     method
-        "serial", body after body; or a distributed one ("kogge-stone"), with all n robots in this process.
+        "serial", body after body; or one of `mp2a.methods.METHODS`, with all n robots in this process.
     bodies
         Return motion and force of every body as well.
 
@@ -87,14 +87,13 @@ def rnea(
     """
     if method != "serial":
         check_method(method)
-        check_serial_chain(chain)
     state = check_state(chain, q, v, a, external_forces)
     field = check_gravity(gravity)
     if method == "serial":
         result = serial(chain, state, field)
     else:
         chosen = METHODS[method]
-        result = chosen.solve(chain, state, field, chosen.schedule(len(chain)), LocalTransport(len(chain)))
+        result = chosen.solve(chain, state, field, chosen.schedule(chain.parents), LocalTransport(len(chain)))
     torque = result.torque[0] if state.single else result.torque
     if not bodies:
         return torque
@@ -108,9 +107,3 @@ def check_method(method: str) -> None:
     """Raise `InputError` for a method that is not in `mp2a.methods.METHODS`."""
     if method not in METHODS:
         raise InputError(f"method: got {method!r}, expected 'serial' or one of {', '.join(map(repr, METHODS))}")
-
-
-def check_serial_chain(chain: Chain) -> None:
-    """Raise `InputError` for a tree, which the distributed methods do not take yet."""
-    if not chain.is_serial:
-        raise InputError("chain: got a tree, expected a serial chain for a distributed method")

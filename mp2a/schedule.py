@@ -1,16 +1,21 @@
 """Who sends what to whom in which round: plain data, no numbers, no MPI (paper, figures 4-6 and Table I)."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mp2a.checks import array, count
 from mp2a.exceptions import InputError
 from mp2a.segments.affine import MATRIX_AND_VECTOR, VECTOR
 
 Nodes = NDArray[np.intp]
+Formation = int | Nodes
+
+MOTION, FORCE = "motion", "force"
+"""Kinds of messages of all schedules but the paper's."""
 
 
 class Transfer(NamedTuple):
@@ -78,13 +83,11 @@ class Count(NamedTuple):
 
 
 def rounds_needed(n: int) -> int:
-    """⌈log2 n⌉, the rounds of one recurrence."""
-    if n < 1:
-        raise InputError(f"n: got {n}, expected at least 1")
-    return (n - 1).bit_length()
+    """⌈log2 n⌉, the rounds of one recurrence along a chain of n."""
+    return (count("n", n) - 1).bit_length()
 
 
-def kogge_stone(n: int) -> Schedule:
+def kogge_stone(formation: Formation) -> Schedule:
     """Three recursive doublings: velocities and accelerations outwards, forces inwards (paper, figures 4-6).
 
     In round e robot i sends to robot i + 2^(e-1), for forces to i - 2^(e-1). A sender whose window already reaches
@@ -92,27 +95,93 @@ def kogge_stone(n: int) -> Schedule:
 
     Parameters
     ----------
-    n
-        Number of robots.
+    formation
+        Number of robots of a chain, or its parents.
+
+    Raises
+    ------
+    InputError
+        For a tree: a window of affine maps inwards belongs to one path, and below a branching there are several.
     """
-    outwards = [_doubling_round(n, e) for e in range(1, rounds_needed(n) + 1)]
+    parents = _parents(formation)
+    n = len(parents)
+    if (parents != np.arange(n) - 1).any():
+        raise InputError("parents: got a tree, expected a serial chain for 'kogge-stone'; take 'sweep' or 'compact'")
+    outwards = [_affine_round(n, e) for e in range(1, rounds_needed(n) + 1)]
     inwards = [_mirrored(n, transfers) for transfers in outwards]
     recurrences = (("velocity", outwards), ("acceleration", outwards), ("force", inwards))
-    return Schedule(
-        n,
-        tuple(Round(name, e, transfers) for name, rounds in recurrences for e, transfers in enumerate(rounds, start=1)),
-    )
+    return Schedule(n, tuple(r for name, rounds in recurrences for r in _numbered(name, rounds)))
 
 
-def relay(n: int) -> Schedule:
-    """Neighbour to neighbour: 2 (n - 1) hops, motion (12 numbers) outwards, then forces (6) inwards."""
-    rounds_needed(n)
-    out = [Round("motion", i, (_transfer("motion", [i - 1], [i]),)) for i in range(1, n)]
-    back = [Round("force", i, (_transfer("force", [n - i], [n - i - 1]),)) for i in range(1, n)]
+def sweep(formation: Formation) -> Schedule:
+    """One doubling over parents in which motion travels outwards and force inwards in the same rounds.
+
+    Parameters
+    ----------
+    formation
+        Number of robots of a chain, or the parents of a tree, ``(n,)`` with -1 for the base.
+    """
+    parents = _parents(formation)
+    rounds = [(_outwards(up), _inwards(up)) for up in ancestors(parents)]
+    return Schedule(len(parents), tuple(_numbered("sweep", rounds)))
+
+
+def compact(formation: Formation) -> Schedule:
+    """Two doublings over parents: motion outwards, then forces inwards.
+
+    Parameters
+    ----------
+    formation
+        As for `sweep`.
+    """
+    parents = _parents(formation)
+    ups = ancestors(parents)
+    out = _numbered("motion", [(_outwards(up),) for up in ups])
+    back = _numbered("force", [(_inwards(up),) for up in ups])
+    return Schedule(len(parents), (*out, *back))
+
+
+def relay(formation: Formation) -> Schedule:
+    """Neighbour to neighbour: 2 (n - 1) hops of a chain, motion (12 numbers) outwards, then forces (6) inwards."""
+    n = len(_parents(formation))
+    out = _numbered("motion", [(_transfer(MOTION, [i - 1], [i]),) for i in range(1, n)])
+    back = _numbered("force", [(_transfer(FORCE, [n - i], [n - i - 1]),) for i in range(1, n)])
     return Schedule(n, (*out, *back))
 
 
-def _doubling_round(n: int, e: int) -> tuple[Transfer, ...]:
+def ancestors(parents: Nodes) -> list[Nodes]:
+    """Every body's 2^(e-1)-th ancestor in round e = 1, 2, …, -1 where there is none; until nobody has one.
+
+    Pointer doubling: the ancestor's ancestor. ⌈log2 d⌉ rounds for the longest path of d bodies.
+    """
+    out, up = [], parents
+    while (up >= 0).any():
+        out.append(up)
+        up = np.where(up >= 0, up[up], -1)
+    return out
+
+
+def _parents(formation: Formation) -> Nodes:
+    if isinstance(formation, int | np.integer):
+        return np.arange(count("n", int(formation))) - 1
+    return array("parents", formation, (None,), whole=True)
+
+
+def _numbered(recurrence: str, rounds: Sequence[tuple[Transfer, ...]]) -> list[Round]:
+    return [Round(recurrence, e, transfers) for e, transfers in enumerate(rounds, start=1)]
+
+
+def _outwards(up: Nodes) -> Transfer:
+    has = np.flatnonzero(up >= 0)
+    return Transfer(MOTION, up[has], has)
+
+
+def _inwards(up: Nodes) -> Transfer:
+    has = np.flatnonzero(up >= 0)
+    return Transfer(FORCE, has, up[has])
+
+
+def _affine_round(n: int, e: int) -> tuple[Transfer, ...]:
     step = 2 ** (e - 1)
     source = np.arange(n - step)
     reaches_end = source < step
@@ -128,5 +197,10 @@ def _transfer(kind: str, source: list[int], target: list[int]) -> Transfer:
     return Transfer(kind, np.array(source), np.array(target))
 
 
-SCHEDULES: dict[str, Callable[[int], Schedule]] = {"kogge-stone": kogge_stone, "relay": relay}
+SCHEDULES: dict[str, Callable[[Formation], Schedule]] = {
+    "kogge-stone": kogge_stone,
+    "compact": compact,
+    "sweep": sweep,
+    "relay": relay,
+}
 """Every schedule by the name of the method that follows it."""

@@ -38,6 +38,8 @@ class Relay:
     alone, hopping
         Processor seconds of all calls so far that this rank spent on its own body, which all robots do at the same
         time, and between a message's coming and its going on, which they do one after another.
+    samples
+        Samples of all calls so far.
     """
 
     def __init__(self, comm: MPI.Intracomm, chain: Chain, blocks: int = 1) -> None:
@@ -47,6 +49,7 @@ class Relay:
         self.body = chain.body(self._rank)
         self._inertia = _spatial_inertia(self.body)
         self.alone = self.hopping = 0.0
+        self.samples = 0
 
     def rnea(self, q: Array, v: Array, a: Array) -> Array:
         """Torque ``(T, nv)`` of this robot's joint from its own q ``(T, nq)``, v and a ``(T, nv)``; collective."""
@@ -85,6 +88,7 @@ class Relay:
         torque = joint_torque(self.body, force[None])
         for request in sent:
             wait(request)
+        self.samples += state.samples
         return torque
 
     def _prepare(self, state: State) -> tuple[Array, Array, Array]:

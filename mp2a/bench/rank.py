@@ -27,6 +27,7 @@ from mp2a.spatial import Array
 from mp2a.transport.wait import wait
 
 _PIPELINE = 16
+_BATCHES = 10
 _SINGLES = 64
 _QUIET = 1.0
 
@@ -91,12 +92,11 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
     error = _error(comm, chain, settings, reference, torque)
     memory = _memory(comm)
     some = tuple(part[:_SINGLES] for part in batch)
-    measured = {
-        "batch": _measure(comm, contenders, batch, settings, say),
-        "single": _measure(comm, contenders, some, settings, say, single=True),
-    }
-    say("relay, hop by hop")
-    hops = {"batch": _relay_alone(comm, relay, [batch]), "single": _relay_alone(comm, relay, _one_by_one(some)[:3])}
+    measured, hops = {}, {}
+    for size, state in (("batch", batch), ("single", some)):
+        before = np.array([relay.alone, relay.hopping, relay.samples])
+        measured[size] = _measure(comm, contenders, state, settings, say, single=size == "single")
+        hops[size] = _relay_alone(comm, np.array([relay.alone, relay.hopping, relay.samples]) - before)
     say("network")
     network = _network(comm, settings, measured)
     count = formation.schedule.count(DOUBLES)
@@ -159,7 +159,13 @@ def _measure(
 ) -> dict[str, Timing]:
     """Time the contenders in turn, interleaved, so that what the machine does meanwhile falls on all alike."""
     size = "one sample at a time" if single else f"{len(state[0])} samples together"
-    repeats, calls = _affordable(comm, contenders, state, settings, single=single)
+    say(f"{size}: first calls")
+    first = {name: _timed(comm, call, state, 1, single=single) for name, call in contenders.items()}
+    samples = 1 if single else len(state[0])
+    walls = {name: wall * samples for name, (wall, _) in first.items()}
+    repeats, calls = comm.bcast(_affordable(walls, settings, min(_SINGLES, len(state[0])) if single else _BATCHES))
+    if repeats == 0:
+        return {name: Timing([wall], [cpu]) for name, (wall, cpu) in first.items()}
     timings = {name: Timing([], []) for name in contenders}
     for repeat in range(repeats):
         for name, call in contenders.items():
@@ -170,25 +176,11 @@ def _measure(
     return timings
 
 
-def _affordable(
-    comm: MPI.Intracomm,
-    contenders: dict[str, Callable[..., Array]],
-    state: tuple[Array, ...],
-    settings: Settings,
-    *,
-    single: bool,
-) -> tuple[int, dict[str, int]]:
-    """How many repeats, and calls in each, the time allows: the same on every rank. The calls it makes warm up."""
-    most = min(_SINGLES, len(state[0])) if single else 10
-    walls = {}
-    for name, call in contenders.items():
-        wall, _ = _timed(comm, call, state, 1, single=single)
-        walls[name] = wall if single else wall * len(state[0])
-    repeats = min(settings.repeats, max(1, int(settings.seconds / sum(walls.values()))))
-    share = settings.seconds / repeats / len(contenders)
-    calls = {name: min(max(int(share / wall), 1), most) for name, wall in walls.items()}
-    plan: tuple[int, dict[str, int]] = comm.bcast((repeats, calls))
-    return plan
+def _affordable(walls: dict[str, float], settings: Settings, most: int) -> tuple[int, dict[str, int]]:
+    """How many repeats, and calls in each, the time allows; no repeat where the first calls have used it up."""
+    repeats = min(settings.repeats, int(settings.seconds / sum(walls.values())))
+    share = settings.seconds / max(repeats, 1) / len(walls)
+    return repeats, {name: min(max(int(share / wall), 1), most) for name, wall in walls.items()}
 
 
 def _timed(
@@ -222,16 +214,12 @@ def _one_by_one(state: tuple[Array, ...]) -> list[tuple[Array, ...]]:
     return [tuple(part[t : t + 1] for part in state) for t in range(len(state[0]))]
 
 
-def _relay_alone(comm: MPI.Intracomm, relay: Relay, calls: list[tuple[Array, ...]]) -> float:
+def _relay_alone(comm: MPI.Intracomm, spent: Array) -> float:
     """Seconds a sample of the relay with a core a robot and a network that takes no time; on rank 0.
 
     The robots' own work, which they do at the same time (its largest over ranks), and all hops one after another.
     """
-    before = relay.alone, relay.hopping
-    for state in calls:
-        relay.rnea(*state)
-    samples = sum(len(state[0]) for state in calls)
-    mine = np.array([relay.alone - before[0], relay.hopping - before[1]]) / samples
+    mine = spent[:2] / spent[2]
     most, total = np.empty(2), np.empty(2)
     wait(comm.Ireduce(mine, most, MPI.MAX))
     wait(comm.Ireduce(mine, total, MPI.SUM))

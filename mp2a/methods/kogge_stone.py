@@ -73,6 +73,7 @@ def _scan(
         if transport.nodes > 1:  # some nodes got nothing and keep what they have
             np.copyto(spare.buffer, current.buffer)
         for kind, nodes, data in arrivals:
+            assert isinstance(nodes, slice)  # on a chain receivers are neighbours
             affine.join(current, kind, nodes, data, out=spare)
         current, spare = spare, current
     return current, spare

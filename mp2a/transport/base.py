@@ -3,16 +3,22 @@
 from collections.abc import Mapping
 from typing import NamedTuple, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mp2a.schedule import Round
 from mp2a.spatial import Array
+
+Nodes = slice | NDArray[np.intp]
+"""Some of the nodes of a process: a slice where they are neighbours, so that indexing copies nothing."""
 
 
 class Arrival(NamedTuple):
     """Messages of one kind that came in a round."""
 
     kind: str
-    nodes: slice
-    """The k receiving nodes, as a slice of this process's arrays."""
+    nodes: Nodes
+    """The k receiving nodes, to index this process's arrays with."""
     data: Array
     """``(k, numbers)``, valid until the next exchange."""
 
@@ -26,8 +32,12 @@ class Transport(Protocol):
     first: int
     """The schedule's number of the first of them."""
 
+    def senders(self, round_: Round, kind: str) -> list[Nodes]:
+        """Nodes of this process that send a kind of message in a round, in groups to index arrays with."""
+        ...
+
     def exchange(self, round_: Round, outbox: Mapping[str, Array]) -> list[Arrival]:
-        """Send what the round says from ``outbox[kind]`` ``(nodes, numbers)`` and return what came.
+        """Send what the round says from ``outbox[kind]`` ``(nodes, …)`` and return what came.
 
         What was sent may be overwritten once the *next* exchange has returned: a robot does not wait here for
         its receiver. What came may be a view of the sender's rows.

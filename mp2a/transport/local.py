@@ -2,9 +2,12 @@
 
 from collections.abc import Mapping
 
-from mp2a.schedule import Nodes, Round
+import numpy as np
+from numpy.typing import NDArray
+
+from mp2a.schedule import Round
 from mp2a.spatial import Array
-from mp2a.transport.base import Arrival
+from mp2a.transport.base import Arrival, Nodes
 
 
 class LocalTransport:
@@ -27,19 +30,22 @@ class LocalTransport:
         """Hand the senders' rows to the receivers."""
         arrivals = []
         for kind, source, target in round_.transfers:
-            data = outbox[kind][_as_slice(source)]
+            data = outbox[kind][_index(source)]
             self.messages += len(source)
             self.doubles += data.size
-            arrivals.append(Arrival(kind, _as_slice(target), data))
+            arrivals.append(Arrival(kind, _index(target), data))
         return arrivals
+
+    def senders(self, round_: Round, kind: str) -> list[Nodes]:
+        """All that send this kind."""
+        return [_index(source) for what, source, _ in round_.transfers if what == kind]
 
     def flush(self) -> None:
         """Nothing is in flight here."""
 
 
-def _as_slice(nodes: Nodes) -> slice:
-    """Neighbouring nodes as a slice, so that an exchange is a view and copies nothing."""
-    first, last = int(nodes[0]), int(nodes[-1])
-    if last - first != len(nodes) - 1:
-        raise NotImplementedError("a chain's transfers are between neighbouring nodes in ascending order")
-    return slice(first, last + 1)
+def _index(nodes: NDArray[np.intp]) -> Nodes:
+    """Neighbouring nodes as a slice, so that an exchange along a chain copies nothing."""
+    if len(nodes) and (np.diff(nodes) == 1).all():
+        return slice(int(nodes[0]), int(nodes[-1]) + 1)
+    return nodes

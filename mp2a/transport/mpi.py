@@ -8,7 +8,7 @@ from mpi4py import MPI
 from mp2a.exceptions import InputError
 from mp2a.schedule import Round, Schedule
 from mp2a.spatial import Array
-from mp2a.transport.base import Arrival
+from mp2a.transport.base import Arrival, Nodes
 from mp2a.transport.wait import wait, wait_unless
 
 _UNSOUND = 0
@@ -65,9 +65,9 @@ class MPITransport:
     def exchange(self, round_: Round, outbox: Mapping[str, Array]) -> list[Arrival]:
         """Send and receive what the schedule says for this rank; waits for what it receives."""
         key = round_.recurrence, round_.index
-        expected = []
+        expected: list[tuple[str, Array, int, MPI.Request]] = []
         for kind, source in self._receives[key]:
-            inbox = self._inbox(kind, outbox[kind].shape[1])
+            inbox = self._inbox(kind, outbox[kind].size, len(expected))
             expected.append((kind, inbox, source, self.comm.Irecv([inbox, MPI.DOUBLE], source, self.samples)))
         earlier, self._in_flight = self._in_flight, [
             self._send(kind, target, outbox[kind]) for kind, target in self._sends[key]
@@ -86,10 +86,15 @@ class MPITransport:
             wait(request)
         self._in_flight = []
 
-    def _inbox(self, kind: str, size: int) -> Array:
-        key = kind, size
-        if key not in self._inboxes:
-            self._inboxes = {k: box for k, box in self._inboxes.items() if k[0] != kind}
+    def senders(self, round_: Round, kind: str) -> list[Nodes]:
+        """Return this rank, if it sends this kind."""
+        sends = self._sends[round_.recurrence, round_.index]
+        return [_OWN] if any(what == kind for what, _ in sends) else []
+
+    def _inbox(self, kind: str, size: int, place: int) -> Array:
+        """Buffer for the message in a place of the round; kept for the next call as long as its size stays."""
+        key = kind, place
+        if key not in self._inboxes or self._inboxes[key].size != size:
             self._inboxes[key] = np.empty((1, size))
         return self._inboxes[key]
 

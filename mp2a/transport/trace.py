@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from mp2a.schedule import Round
 from mp2a.spatial import Array
-from mp2a.transport.base import Arrival, Transport
+from mp2a.transport.base import Arrival, Nodes, Transport
 
 
 class Event(NamedTuple):
@@ -41,6 +41,10 @@ class TraceTransport:
         arrivals = self.inner.exchange(round_, outbox)
         self.events.append(Event(round_.recurrence, round_.index, posted, time.monotonic_ns()))
         return arrivals
+
+    def senders(self, round_: Round, kind: str) -> list[Nodes]:
+        """Senders of the inner transport."""
+        return self.inner.senders(round_, kind)
 
     def flush(self) -> None:
         """Flush the inner transport."""
