@@ -1,6 +1,7 @@
 """What users call under mpirun: a chain of which every rank is one body."""
 
 import hashlib
+import statistics
 from types import TracebackType
 
 import numpy as np
@@ -8,15 +9,20 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from mp2a.chain import Chain
-from mp2a.checks import numbers
+from mp2a.checks import count, numbers
 from mp2a.exceptions import InputError
 from mp2a.leaf import State, check_gravity, check_state
-from mp2a.methods import METHODS, InverseDynamics, Method
+from mp2a.methods import METHODS, InverseDynamics
+from mp2a.methods.auto import AUTO, Choice, choose
+from mp2a.schedule import Schedule
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.base import Transport
-from mp2a.transport.mpi import MPITransport, raise_together
+from mp2a.transport.link import EmulatedLink, EmulatedNetwork, Link, make_link, measure
+from mp2a.transport.mpi import MPITransport, agree, raise_together
 from mp2a.transport.trace import TraceTransport
 from mp2a.transport.wait import wait
+
+_SMALL, _LARGE, _ROUNDS = 24, 24_000, 7
 
 
 class DistributedChain:
@@ -32,9 +38,14 @@ class DistributedChain:
     chain
         The whole chain, the same on every rank; only the rank's own body is kept.
     method
-        One of `mp2a.methods.METHODS`.
+        One of `mp2a.methods.METHODS`, or "auto": the one that needs least time by the formation, the samples and what
+        the network costs, which is measured between two ranks; `choice` says which and why.
     gravity
         ``(3,)`` m/s² in the base frame.
+    samples
+        Number of samples that calls will have, as far as "auto" is to know; calls may have any.
+    network
+        Emulate a slower network between the ranks of this machine.
     trace
         Record when each message was sent and had come, see `mp2a.transport.trace`.
 
@@ -42,6 +53,10 @@ class DistributedChain:
     ----------
     body
         This robot's body, a chain of one.
+    method
+        Name of the method in use.
+    choice
+        What "auto" chose and why, else None.
     schedule
         Who talks to whom.
     transport
@@ -50,8 +65,8 @@ class DistributedChain:
     Raises
     ------
     InputError
-        On every rank: if the chain has another size than the communicator, differs between ranks, is a tree, or if the
-        method is unknown.
+        On every rank: if the chain has another size than the communicator, the arguments differ between ranks, or the
+        method is unknown or not for this chain.
 
     Examples
     --------
@@ -69,22 +84,27 @@ class DistributedChain:
         self,
         comm: MPI.Intracomm,
         chain: Chain,
-        method: str = "kogge-stone",
+        method: str = AUTO,
         gravity: ArrayLike = GRAVITY,
         *,
+        samples: int = 1,
+        network: EmulatedNetwork | None = None,
         trace: bool = False,
     ) -> None:
         if not isinstance(comm, MPI.Intracomm) or comm == MPI.COMM_NULL:
             raise InputError(f"comm: got {type(comm).__name__}, expected an mpi4py intra-communicator")
         self._comm = comm.Dup()
         try:
-            self._gravity, self._method = self._agree(chain, method, gravity)
+            self._gravity, link = self._agree(chain, method, gravity, samples, network)
+            self.choice = _choose(link, chain, samples) if method == AUTO else None
+            self.method = method if self.choice is None else self.choice.method
+            self.schedule = self._schedule(chain)
         except InputError:
             self._comm.Free()
             raise
+        self._serial = chain.is_serial
         self.body = chain.body(self._comm.Get_rank())
-        self.schedule = self._method.schedule(len(chain))
-        self.transport = MPITransport(self._comm, self.schedule)
+        self.transport = MPITransport(link, self.schedule)
         self.trace = TraceTransport(self.transport) if trace else None
 
     def rnea(
@@ -122,9 +142,10 @@ class DistributedChain:
             error, state = wrong, _at_rest(self.body)
         self.transport.begin(state.samples, sound=error is None)
         carrier: Transport = self.trace or self.transport
-        result = self._method.solve(self.body, state, self._gravity, self.schedule, carrier)
+        result = METHODS[self.method].solve(self.body, state, self._gravity, self.schedule, carrier)
         self.transport.flush()
-        if not self.transport.sound:
+        # Along a chain a wrong input has reached every rank by now; between the branches of a tree it has not.
+        if not (self.transport.sound if self._serial else agree(self._comm, self.transport.sound)):
             raise_together(self._comm, error)
             raise InputError(self._sample_counts(state.samples))
         cut = 0 if state.single else slice(None)
@@ -145,24 +166,33 @@ class DistributedChain:
     ) -> None:
         self.close()
 
-    def _agree(self, chain: Chain, method: str, gravity: ArrayLike) -> tuple[Array, Method]:
+    def _agree(
+        self, chain: Chain, method: str, gravity: ArrayLike, samples: int, network: EmulatedNetwork | None
+    ) -> tuple[Array, Link]:
         """Check the arguments on every rank and that they are the same on all."""
         error: InputError | None = None
         digest = bytes(32)
-        field = np.zeros(3)
         try:
             field = check_gravity(gravity)
             _check(chain, method, self._comm.Get_size())
-            digest = hashlib.sha256(f"{chain.digest()} {method} {field.tolist()}".encode()).digest()
+            count("samples", samples)
+            link = make_link(self._comm, network)
+            same = f"{chain.digest()} {method} {field.tolist()} {samples} {network}"
+            digest = hashlib.sha256(same.encode()).digest()
         except InputError as wrong:
             error = wrong
         raise_together(self._comm, error)
         root = np.frombuffer(digest, dtype=np.uint8).copy()
         wait(self._comm.Ibcast(root, 0))
         if root.tobytes() != digest:
-            error = InputError("chain, method, gravity: differ from those of rank 0, expected the same on every rank")
+            what = "chain, method, gravity, samples, network"
+            error = InputError(f"{what}: differ from those of rank 0, expected the same on every rank")
         raise_together(self._comm, error)
-        return field, METHODS[method]
+        return field, link
+
+    def _schedule(self, chain: Chain) -> Schedule:
+        """Schedule of the method, the same on every rank; or the same error, as it depends on nothing else."""
+        return METHODS[self.method].schedule(chain.parents)
 
     def _sample_counts(self, samples: int) -> str:
         counts = self._comm.allgather(samples)
@@ -174,12 +204,23 @@ class DistributedChain:
 def _check(chain: Chain, method: str, ranks: int) -> None:
     if not isinstance(chain, Chain):
         raise InputError(f"chain: got {type(chain).__name__}, expected an mp2a.Chain")
-    if method not in METHODS:
-        raise InputError(f"method: got {method!r}, expected one of {', '.join(map(repr, METHODS))}")
-    if not chain.is_serial:
-        raise InputError("chain: got a tree, expected a serial chain")
+    if method not in (AUTO, *METHODS):
+        raise InputError(f"method: got {method!r}, expected one of {', '.join(map(repr, (AUTO, *METHODS)))}")
     if len(chain) != ranks:
         raise InputError(f"chain: got {len(chain)} bodies for a communicator of {ranks} ranks, expected one a rank")
+
+
+def _choose(link: Link, chain: Chain, samples: int) -> Choice:
+    """Choose a method on rank 0 for what messages cost between ranks 0 and 1, and tell all."""
+    if isinstance(link, EmulatedLink):
+        latency, bandwidth = link.network
+    else:
+        small, large = (measure(link, doubles, _ROUNDS) or [0.0] for doubles in (_SMALL, _LARGE))
+        latency, slow = statistics.median(small), statistics.median(large)
+        bandwidth = 64 * (_LARGE - _SMALL) / max(slow - latency, 1e-9)
+    cost = np.array([latency, bandwidth])
+    wait(link.comm.Ibcast([cost, MPI.DOUBLE], 0))
+    return choose(chain.parents, samples, float(cost[0]), float(cost[1]))
 
 
 def _own_force(external: ArrayLike | None) -> Array | None:

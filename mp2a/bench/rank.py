@@ -21,8 +21,8 @@ from mp2a.cores import is_oversubscribed, usable_cores
 from mp2a.distributed import DistributedChain
 from mp2a.dynamics import rnea
 from mp2a.exceptions import MissingError
+from mp2a.methods import METHODS
 from mp2a.reference import Reference
-from mp2a.segments.affine import DOUBLES
 from mp2a.spatial import Array
 from mp2a.transport.wait import wait
 
@@ -99,7 +99,7 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
         hops[size] = _relay_alone(comm, np.array([relay.alone, relay.hopping, relay.samples]) - before)
     say("network")
     network = _network(comm, settings, measured)
-    count = formation.schedule.count(DOUBLES)
+    count = formation.schedule.count(METHODS[settings.method].doubles)
     formation.close()
     if rank:
         return None

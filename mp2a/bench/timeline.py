@@ -5,6 +5,7 @@ The Chrome trace event format, which https://ui.perfetto.dev opens: complete eve
 """
 
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,8 @@ from mpi4py import MPI
 from mp2a.bench.rank import barrier
 from mp2a.chain import Chain
 from mp2a.distributed import DistributedChain
+from mp2a.methods import METHODS
 from mp2a.schedule import Schedule
-from mp2a.segments.affine import DOUBLES
 from mp2a.transport.trace import Event
 
 _WARM_UP = 5
@@ -40,9 +41,9 @@ def record(samples: int, seed: int, method: str) -> dict[str, Any] | None:
             return None
         events = [[Event(*event) for event in rank] for rank in everyone]
         return {
-            "traceEvents": trace_events(formation.schedule, events, samples),
+            "traceEvents": trace_events(formation.schedule, METHODS[formation.method].doubles, events, samples),
             "displayTimeUnit": "ns",
-            "mp2a": {"n": len(chain), "samples": samples, "method": method},
+            "mp2a": {"n": len(chain), "samples": samples, "method": formation.method},
         }
 
 
@@ -63,13 +64,17 @@ def clock_offset(comm: MPI.Intracomm) -> int:
     return offset
 
 
-def trace_events(schedule: Schedule, ranks: list[list[Event]], samples: int) -> list[dict[str, Any]]:
+def trace_events(
+    schedule: Schedule, doubles: Mapping[str, int], ranks: list[list[Event]], samples: int
+) -> list[dict[str, Any]]:
     """Spans and messages of a traced call; the first moment is 0, times are in µs.
 
     Parameters
     ----------
     schedule
         What the ranks followed.
+    doubles
+        Numbers a sample in each kind of message.
     ranks
         Each rank's events, one a round, in order.
     samples
@@ -80,7 +85,7 @@ def trace_events(schedule: Schedule, ranks: list[list[Event]], samples: int) -> 
     for rank, events in enumerate(ranks):
         out.append({"ph": "M", "pid": 0, "tid": rank, "name": "thread_name", "args": {"name": f"robot {rank + 1}"}})
         out += _spans(rank, events, origin)
-    return out + _messages(schedule, ranks, samples, origin)
+    return out + _messages(schedule, doubles, ranks, samples, origin)
 
 
 def _spans(rank: int, events: list[Event], origin: int) -> list[dict[str, Any]]:
@@ -103,7 +108,9 @@ def _span(rank: int, name: str, category: str, event: Event, start: int, end: in
     }
 
 
-def _messages(schedule: Schedule, ranks: list[list[Event]], samples: int, origin: int) -> list[dict[str, Any]]:
+def _messages(
+    schedule: Schedule, doubles: Mapping[str, int], ranks: list[list[Event]], samples: int, origin: int
+) -> list[dict[str, Any]]:
     moments = [{(e.recurrence, e.round): e for e in events} for events in ranks]
     out: list[dict[str, Any]] = []
     for round_ in schedule.rounds:
@@ -111,7 +118,7 @@ def _messages(schedule: Schedule, ranks: list[list[Event]], samples: int, origin
         for kind, source, target in round_.transfers:
             for s, t in zip(source.tolist(), target.tolist(), strict=True):
                 about = {"pid": 0, "id": len(out) // 2, "name": round_.recurrence, "cat": "message"}
-                args = {"kind": kind, "bytes": 8 * DOUBLES[kind] * samples, "round": round_.index}
+                args = {"kind": kind, "bytes": 8 * doubles[kind] * samples, "round": round_.index}
                 left, came = (moments[s][key].posted - origin) / 1e3, (moments[t][key].done - origin) / 1e3
                 out.append({**about, "ph": "s", "tid": s, "ts": left, "args": args})
                 out.append({**about, "ph": "f", "bp": "e", "tid": t, "ts": came, "args": args})

@@ -15,6 +15,19 @@ from mp2a.spatial import Array
 from mp2a.transport.base import Transport
 
 
+class Work(NamedTuple):
+    """Arithmetic of one robot in one round, as measured on one core; it weighs methods against each other."""
+
+    call: float
+    """s, whatever the number of samples"""
+    sample: float
+    """s a sample"""
+
+    def seconds(self, samples: int) -> float:
+        """Time of a round for some samples."""
+        return self.call + samples * self.sample
+
+
 class Method(NamedTuple):
     """A distributed method: who talks to whom, and what each robot does."""
 
@@ -22,14 +35,16 @@ class Method(NamedTuple):
     """Schedule for the parents of a formation."""
     doubles: Mapping[str, int]
     """Numbers a sample in each kind of message."""
+    work: Work
+    """Mean over the rounds."""
     solve: Callable[[Chain, State, Array, Schedule, Transport], InverseDynamics]
     """``(bodies of this process, their state, gravity, schedule, transport)`` to the results of these bodies."""
 
 
 METHODS = {
-    "kogge-stone": Method(schedule.kogge_stone, affine.DOUBLES, kogge_stone.kogge_stone),
-    "compact": Method(schedule.compact, compact.DOUBLES, compact.compact),
-    "sweep": Method(schedule.sweep, sweep.DOUBLES, sweep.sweep),
+    "kogge-stone": Method(schedule.kogge_stone, affine.DOUBLES, Work(10e-6, 0.2e-6), kogge_stone.kogge_stone),
+    "compact": Method(schedule.compact, compact.DOUBLES, Work(35e-6, 0.35e-6), compact.compact),
+    "sweep": Method(schedule.sweep, sweep.DOUBLES, Work(180e-6, 1.8e-6), sweep.sweep),
 }
 """Every distributed method by name. A new one is a file here and a line in this table."""
 

@@ -9,9 +9,11 @@ from mp2a.exceptions import InputError
 from mp2a.schedule import Round, Schedule
 from mp2a.spatial import Array
 from mp2a.transport.base import Arrival, Nodes
-from mp2a.transport.wait import wait, wait_unless
+from mp2a.transport.link import Link, Receiving
+from mp2a.transport.wait import wait
 
 _UNSOUND = 0
+_NOTHING = np.empty(0)
 _OWN = slice(0, 1)
 
 
@@ -35,9 +37,9 @@ class MPITransport:
 
     nodes = 1
 
-    def __init__(self, comm: MPI.Intracomm, schedule: Schedule) -> None:
-        self.comm = comm
-        self.first = comm.Get_rank()
+    def __init__(self, link: Link, schedule: Schedule) -> None:
+        self.link = link
+        self.first = link.comm.Get_rank()
         self.sound = True
         self.samples = 1
         self.messages: dict[str, int] = {}
@@ -55,7 +57,7 @@ class MPITransport:
     @property
     def most_samples(self) -> int:
         """Largest number of samples that fits a tag of this MPI."""
-        bound = self.comm.Get_attr(MPI.TAG_UB)
+        bound = self.link.comm.Get_attr(MPI.TAG_UB)
         return int(bound) if bound is not None else 32767
 
     def begin(self, samples: int, *, sound: bool) -> None:
@@ -65,20 +67,20 @@ class MPITransport:
     def exchange(self, round_: Round, outbox: Mapping[str, Array]) -> list[Arrival]:
         """Send and receive what the schedule says for this rank; waits for what it receives."""
         key = round_.recurrence, round_.index
-        expected: list[tuple[str, Array, int, MPI.Request]] = []
+        expected: list[tuple[str, Receiving]] = []
         for kind, source in self._receives[key]:
             inbox = self._inbox(kind, outbox[kind].size, len(expected))
-            expected.append((kind, inbox, source, self.comm.Irecv([inbox, MPI.DOUBLE], source, self.samples)))
+            expected.append((kind, self.link.receive(inbox, source, self.samples)))
         earlier, self._in_flight = self._in_flight, [
             self._send(kind, target, outbox[kind]) for kind, target in self._sends[key]
         ]  # fmt: skip
-        for _, inbox, source, request in expected:
-            if not self._receive(request, source):
+        for _, receiving in expected:
+            if not self.link.finish(receiving):
                 self.sound = False
-                inbox.fill(0.0)
+                receiving.into.fill(0.0)
         for request in earlier:
             wait(request)
-        return [Arrival(kind, _OWN, inbox) for kind, inbox, _, _ in expected]
+        return [Arrival(kind, _OWN, receiving.into) for kind, receiving in expected]
 
     def flush(self) -> None:
         """Wait until everything sent may be overwritten."""
@@ -100,27 +102,17 @@ class MPITransport:
 
     def _send(self, kind: str, target: int, data: Array) -> MPI.Request:
         if not self.sound:
-            return self.comm.Isend([data, 0, MPI.DOUBLE], target, _UNSOUND)
+            return self.link.send(_NOTHING, target, _UNSOUND)
         self.messages[kind] = self.messages.get(kind, 0) + 1
         self.doubles += data.size
-        return self.comm.Isend([data, MPI.DOUBLE], target, self.samples)
+        return self.link.send(data, target, self.samples)
 
-    def _receive(self, request: MPI.Request, source: int) -> bool:
-        """Wait for a message; False if one came that does not fit, which is taken off the line."""
 
-        def misfit() -> bool:
-            return self.comm.Iprobe(source, MPI.ANY_TAG, self._status) and self._status.Get_tag() != self.samples
-
-        if wait_unless(request, misfit):
-            return True
-        request.Cancel()
-        cancelled = MPI.Status()
-        request.Wait(cancelled)
-        if not cancelled.Is_cancelled():  # it had come after all, and the misfit belongs to a later round
-            return True
-        rest = np.empty(self._status.Get_count(MPI.DOUBLE))
-        self.comm.Recv([rest, MPI.DOUBLE], source, self._status.Get_tag())
-        return False
+def agree(comm: MPI.Intracomm, mine: bool) -> bool:
+    """Tell whether something is true on every rank; collective."""
+    every = np.empty(1, dtype=np.int32)
+    wait(comm.Iallreduce(np.array([mine], dtype=np.int32), every, MPI.MIN))
+    return bool(every[0])
 
 
 def raise_together(comm: MPI.Intracomm, error: Exception | None) -> None:
@@ -131,9 +123,7 @@ def raise_together(comm: MPI.Intracomm, error: Exception | None) -> None:
     InputError
         With the rank and the text of that error.
     """
-    mine, worst = np.array([error is not None], dtype=np.int32), np.empty(1, dtype=np.int32)
-    wait(comm.Iallreduce(mine, worst, MPI.MAX))
-    if not worst[0]:
+    if agree(comm, error is None):
         return
     texts = comm.allgather(None if error is None else str(error))
     rank, text = next((rank, text) for rank, text in enumerate(texts) if text is not None)

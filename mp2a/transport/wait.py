@@ -18,35 +18,45 @@ if TYPE_CHECKING:
 _YIELDS = 20
 _FIRST_NAP, _LONGEST_NAP, _GROWTH = 10e-6, 1e-3, 1.5
 _LOOKS = 64
-_POLITE = is_oversubscribed()
 
 
 def wait(request: "MPI.Request") -> None:
     """Wait for a request: in MPI itself with a core a rank, otherwise yielding and then asleep between looks."""
-    if _POLITE:
+    if is_oversubscribed():
         wait_unless(request, lambda: False)
     else:
         request.Wait()
 
 
-def wait_unless(request: "MPI.Request", hopeless: Callable[[], bool]) -> bool:
+def wait_unless(request: "MPI.Request", hopeless: Callable[[], bool], longest_nap: float | None = None) -> bool:
     """Wait for a request, but give up when ``hopeless()``, asked now and then, says it will not come.
+
+    Parameters
+    ----------
+    request
+        What is waited for.
+    hopeless
+        Tells whether there is nothing to wait for any more.
+    longest_nap
+        Sleep between looks, up to this many seconds; None: only where ranks share cores, up to 1 ms.
 
     Returns
     -------
     bool
         Whether the request is complete.
     """
+    polite = longest_nap is not None or is_oversubscribed()
+    most = _LONGEST_NAP if longest_nap is None else max(longest_nap, _FIRST_NAP)
     nap, looks = _FIRST_NAP, 0
     while not request.Test():
         looks += 1
-        if looks % (_YIELDS if _POLITE else _LOOKS) == 0 and hopeless():
+        if looks % (_YIELDS if polite else _LOOKS) == 0 and hopeless():
             return False
-        if not _POLITE:
+        if not polite:
             continue
         if looks <= _YIELDS:
             os.sched_yield()
         else:
             time.sleep(nap)
-            nap = min(_GROWTH * nap, _LONGEST_NAP)
+            nap = min(_GROWTH * nap, most)
     return True

@@ -25,10 +25,10 @@ class Checks:
             print(f"checks: {min(counts)}", flush=True)
 
 
-def chain_of_all_joints(n=SIZE, seed=0):
+def chain_of_all_joints(n=SIZE, seed=0, branching=1):
     """Joint types in turn, so that eight ranks see every one of them."""
     kinds = list(JOINTS)
-    mixed = mp2a.Chain.random(n, seed)
+    mixed = mp2a.Chain.random(n, seed, branching=branching)
     fields = {name: getattr(mixed, name) for name in mixed.__dataclass_fields__}
     return mp2a.Chain(**fields | {"joints": tuple(kinds[(i + seed) % len(kinds)] for i in range(n))})
 

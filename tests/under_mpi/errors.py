@@ -4,6 +4,7 @@ import numpy as np
 from _formation import COMM, RANK, SIZE, Checks, chain_of_all_joints, own_columns, relative_error
 
 import mp2a
+from mp2a.methods import METHODS
 
 check = Checks()
 
@@ -40,28 +41,41 @@ for bad in wrong_ranks:
         same_error(["gravity", "same on every rank"], make, COMM, chain, gravity=on(bad, (0, 0, -1.0), (0, 0, -2.0)))
 same_error([f"{SIZE + 1} bodies"], make, COMM, larger)
 
+
 # Calling it.
-qs, vs = own_columns(chain)
-with make(COMM, chain) as formation:
-    for samples in (None, 3, 2500):
-        state = [part[..., columns] for part, columns in zip(chain.random_state(samples), (qs, vs, vs), strict=True)]
-        whole = mp2a.rnea(chain, *chain.random_state(samples))
-        for bad in wrong_ranks:
-            for place, name in enumerate("qva"):
-                spoilt = [part.copy() for part in state]
-                if bad == RANK:
-                    spoilt[place][..., 0] = np.nan
-                same_error([f"rank {bad}", f"{name}: got nan"], formation.rnea, *spoilt)
-                cut = [part[..., :0] if bad == RANK and k == place else part for k, part in enumerate(state)]
-                same_error([f"rank {bad}", f"{name}: got shape"], formation.rnea, *cut)
-            force = on(bad, np.ones(5), np.ones(6))
-            same_error([f"rank {bad}", "external_force", "(5,)"], formation.rnea, *state, force)
-            for others in (1, 2, 4000):
-                if SIZE > 1 and others != (samples or 1):
-                    odd = chain.random_state(others, body=RANK) if bad == RANK else state
-                    same_error(["samples", str(others), f"rank {max(bad, 1)}"], formation.rnea, *odd)
-        torque = formation.rnea(*state).torque
-        check(relative_error(torque, whole[..., vs], whole) < 1e-12)
+def calls(formation, chain, samples):
+    qs, vs = own_columns(chain)
+    state = [part[..., columns] for part, columns in zip(chain.random_state(samples), (qs, vs, vs), strict=True)]
+    whole = mp2a.rnea(chain, *chain.random_state(samples))
+    for bad in wrong_ranks:
+        for place, name in enumerate("qva"):
+            spoilt = [part.copy() for part in state]
+            if bad == RANK:
+                spoilt[place][..., 0] = np.nan
+            same_error([f"rank {bad}", f"{name}: got nan"], formation.rnea, *spoilt)
+            cut = [part[..., :0] if bad == RANK and k == place else part for k, part in enumerate(state)]
+            same_error([f"rank {bad}", f"{name}: got shape"], formation.rnea, *cut)
+        force = on(bad, np.ones(5), np.ones(6))
+        same_error([f"rank {bad}", "external_force", "(5,)"], formation.rnea, *state, force)
+        for others in (1, 2, 4000):
+            if SIZE > 1 and others != (samples or 1):
+                odd = chain.random_state(others, body=RANK) if bad == RANK else state
+                same_error(["samples", str(others), f"rank {max(bad, 1)}"], formation.rnea, *odd)
+    torque = formation.rnea(*state).torque
+    check(relative_error(torque, whole[..., vs], whole) < 1e-12)
+
+
+tree = chain_of_all_joints(branching=3)
+for method in METHODS:
+    for formed in (chain, tree):
+        if method != "kogge-stone" or formed.is_serial:
+            with make(COMM, formed, method) as formation:
+                for samples in (None, 3, 2500) if method == "sweep" and formed is chain else (2,):
+                    calls(formation, formed, samples)
+if not tree.is_serial:
+    same_error(["tree", "kogge-stone"], make, COMM, tree, "kogge-stone")
+with make(COMM, chain, "sweep", network=mp2a.EmulatedNetwork(1e-3, 1e9)) as formation:
+    calls(formation, chain, 3)
 
 # No unit quaternion, and no unit cosine and sine, on the ranks that have some.
 for rank, joint in enumerate(chain.joints):

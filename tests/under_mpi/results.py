@@ -6,14 +6,15 @@ from mpi4py import MPI
 
 import mp2a
 from mp2a.methods import METHODS
-from mp2a.segments.affine import DOUBLES
 
 check = Checks()
 GRAVITY = (1.0, -2.0, -9.0)
 
-for seed in range(3):
-    chain = chain_of_all_joints(seed=seed)
+for seed in range(4):
+    chain = chain_of_all_joints(seed=seed, branching=1 + 2 * (seed % 2))
     for method in METHODS:
+        if method == "kogge-stone" and not chain.is_serial:
+            continue
         with mp2a.DistributedChain(COMM, chain, method, gravity=GRAVITY) as formation:
             check(len(formation.body) == 1)
             for samples in (None, 1, 7, 300):
@@ -29,12 +30,25 @@ for seed in range(3):
                     check(relative_error(ours, theirs[..., RANK, :], theirs) < 1e-12, name)
                 check(mine.torque.shape == whole.torque[..., vs].shape)
                 check(relative_error(mine.torque, whole.torque[..., vs], whole.torque) < 1e-12)
-                count = formation.schedule.count(DOUBLES)
-                for kind in DOUBLES:
+                doubles = METHODS[method].doubles
+                count = formation.schedule.count(doubles)
+                for kind in doubles:
                     sent = formation.transport.messages.get(kind, 0) - before[0].get(kind, 0)
                     check(COMM.allreduce(sent) == count.messages.get(kind, 0), kind)
-                doubles = COMM.allreduce(formation.transport.doubles - before[1])
-                check(doubles == count.doubles * (samples or 1))
+                sent = COMM.allreduce(formation.transport.doubles - before[1])
+                check(sent == count.doubles * (samples or 1))
+
+# "auto" says the same everywhere, and gives the same.
+chain = chain_of_all_joints()
+q, v, a = chain.random_state(4)
+qs, vs = own_columns(chain)
+for network in (None, mp2a.EmulatedNetwork(0.02, 54e6), mp2a.EmulatedNetwork(1e-6, 1e12)):
+    with mp2a.DistributedChain(COMM, chain, samples=4, network=network) as formation:
+        check(len(set(COMM.allgather(str(formation.choice)))) == 1)
+        check(formation.method == formation.choice.method)
+        check(network is None or SIZE == 1 or (formation.method == "sweep") == (network.latency > 1e-3))
+        whole = mp2a.rnea(chain, q, v, a)
+        check(relative_error(formation.rnea(q[:, qs], v[:, vs], a[:, vs]).torque, whole[:, vs], whole) < 1e-12)
 
 # Without an external force, and one force for all samples.
 chain = chain_of_all_joints()
