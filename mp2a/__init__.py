@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from mp2a.exceptions import InputError as InputError
     from mp2a.exceptions import MissingError as MissingError
     from mp2a.methods.result import InverseDynamics as InverseDynamics
-    from mp2a.transport.link import EmulatedNetwork as EmulatedNetwork
+    from mp2a.network import EmulatedNetwork as EmulatedNetwork
 
 __version__ = "0.1.0"
 
 _HOMES = {
     "Chain": "mp2a.chain",
     "DistributedChain": "mp2a.distributed",
-    "EmulatedNetwork": "mp2a.transport.link",
+    "EmulatedNetwork": "mp2a.network",
     "InputError": "mp2a.exceptions",
     "InverseDynamics": "mp2a.methods.result",
     "MissingError": "mp2a.exceptions",

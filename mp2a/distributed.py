@@ -14,10 +14,11 @@ from mp2a.exceptions import InputError
 from mp2a.leaf import State, check_gravity, check_state
 from mp2a.methods import METHODS, InverseDynamics
 from mp2a.methods.auto import AUTO, Choice, choose
+from mp2a.network import EmulatedNetwork
 from mp2a.schedule import Schedule
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.base import Transport
-from mp2a.transport.link import EmulatedLink, EmulatedNetwork, Link, make_link, measure
+from mp2a.transport.link import EmulatedLink, Link, make_link, measure
 from mp2a.transport.mpi import MPITransport, agree, raise_together
 from mp2a.transport.trace import TraceTransport
 from mp2a.transport.wait import wait

@@ -1,21 +1,20 @@
-"""What every rank of the benchmark runs: the contenders in turn, each timed by itself."""
+"""What every rank of the benchmark runs: who is measured, and what else is known of a run."""
 
-import ctypes
-import gc
 import os
 import statistics
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from mp2a import model
-from mp2a.bench.opponents import Centre, Relay
+from mp2a.bench.centre import Centre
+from mp2a.bench.relay import Relay
 from mp2a.bench.settings import STARTED, Settings
+from mp2a.bench.timing import SINGLES, Timing, barrier, measure
 from mp2a.chain import Chain
 from mp2a.cores import is_oversubscribed, usable_cores
 from mp2a.distributed import DistributedChain
@@ -24,30 +23,12 @@ from mp2a.exceptions import MissingError
 from mp2a.methods import METHODS
 from mp2a.reference import Reference
 from mp2a.spatial import Array
+from mp2a.transport.link import Link, make_link
+from mp2a.transport.link import measure as measure_link
 from mp2a.transport.wait import wait
 
 _PIPELINE = 16
-_BATCHES = 10
-_SINGLES = 64
 _QUIET = 1.0
-
-
-class Timing(NamedTuple):
-    """Seconds a sample, one value a repeat."""
-
-    wall: list[float]
-    """From the barrier to the last rank's end."""
-    cpu: list[float]
-    """Largest processor time of a rank."""
-
-    def summary(self) -> dict[str, Any]:
-        """Medians and all values, for the results file."""
-        return {
-            "wall": statistics.median(self.wall),
-            "cpu": statistics.median(self.cpu),
-            "walls": self.wall,
-            "cpus": self.cpu,
-        }
 
 
 def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | None:
@@ -73,64 +54,63 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
     say("chain")
     chain = Chain.random(n, settings.seed)
     batch = chain.random_state(settings.samples, settings.seed, body=rank)
-    formation = DistributedChain(comm, chain, settings.method)
+    network = settings.network
+    formations = {name: DistributedChain(comm, chain, name, network=network) for name in settings.methods}
     reference, missing = _reference(chain) if rank == 0 else (None, None)
     pinocchio_fits = comm.bcast(reference is not None)
 
-    relay = Relay(comm, chain)
-    contenders: dict[str, Callable[..., Array]] = {
-        settings.method: lambda *state: formation.rnea(*state).torque,
-        "relay": relay.rnea,
-        "relay, pipelined": Relay(comm, chain, _PIPELINE).rnea,
-    }
+    link = make_link(comm, network)
+    relay = Relay(link, chain)
+    contenders: dict[str, Callable[..., Array]] = {name: _torque_of(f) for name, f in formations.items()}
+    contenders |= {"relay": relay.rnea, "relay, pipelined": Relay(link, chain, _PIPELINE).rnea}
     if pinocchio_fits:
-        contenders["centre"] = Centre(comm, chain, reference).rnea
+        contenders["centre"] = Centre(link, chain, reference).rnea
+        contenders["centre, tree"] = Centre(link, chain, reference, tree=True).rnea
         contenders["pinocchio"] = _alone(chain, reference, settings)
-    say("first calls")
-    torque = contenders[settings.method](*batch)
-    sent = _sent(comm, formation, settings.samples)
-    error = _error(comm, chain, settings, reference, torque)
+    methods = {}
+    for name, formation in formations.items():
+        say(f"checking {name}")
+        torque = contenders[name](*batch)
+        methods[name] = {
+            **_counted(formation),
+            "sent": _sent(comm, formation, settings.samples),
+            "error": _error(comm, chain, settings, reference, torque),
+        }
     memory = _memory(comm)
-    some = tuple(part[:_SINGLES] for part in batch)
     measured, hops = {}, {}
-    for size, state in (("batch", batch), ("single", some)):
+    sizes = {"batch": batch, "single": tuple(part[:SINGLES] for part in batch)}
+    if settings.samples == 1:
+        del sizes["batch"]
+    for size, state in sizes.items():
         before = np.array([relay.alone, relay.hopping, relay.samples])
-        measured[size] = _measure(comm, contenders, state, settings, say, single=size == "single")
+        measured[size] = measure(comm, contenders, state, settings, say, single=size == "single")
         hops[size] = _relay_alone(comm, np.array([relay.alone, relay.hopping, relay.samples]) - before)
     say("network")
-    network = _network(comm, settings, measured)
-    count = formation.schedule.count(METHODS[settings.method].doubles)
-    formation.close()
+    constants = _network(link, settings, measured)
+    for formation in formations.values():
+        formation.close()
     if rank:
         return None
     began = os.environ.get(STARTED)
     return {
-        **{"n": n, "samples": settings.samples, "seed": settings.seed, "method": settings.method},
+        "n": n,
+        **settings.identity(),
         "date": time.strftime("%Y-%m-%d %H:%M:%S%z"),
         "cores": usable_cores(),
         "oversubscribed": is_oversubscribed(),
-        "repeats": settings.repeats,
         "started_s": up - float(began) if began else None,
         "memory": memory,
-        "schedule": {"rounds": count.rounds, "messages": count.total, "bytes": 8 * count.doubles},
-        "sent": sent,
-        "error": error,
         "missing": missing,
+        "methods": methods,
         "measured": {name: {size: values[name].summary() for size, values in measured.items()} for name in contenders},
-        "extrapolated": {
-            settings.method: {
-                size: statistics.median(values[settings.method].cpu) for size, values in measured.items()
-            },
-            "relay": hops,
-        },
-        "modelled": _modelled(n, settings, network),
-        "network": network._asdict(),
+        "extrapolated": _extrapolated(settings, measured) | {"relay": hops},
+        "modelled": _modelled(n, settings, constants),
+        "constants": constants._asdict(),
     }
 
 
-def barrier(comm: MPI.Intracomm) -> None:
-    """Wait for all ranks, asleep where ranks share cores."""
-    wait(comm.Ibarrier())
+def _torque_of(formation: DistributedChain) -> Callable[..., Array]:
+    return lambda *state: formation.rnea(*state).torque
 
 
 def _reference(chain: Chain) -> tuple[Reference | None, str | None]:
@@ -146,72 +126,6 @@ def _alone(chain: Chain, reference: Reference | None, settings: Settings) -> Cal
         return lambda q, v, a: q
     whole = chain.random_state(settings.samples, settings.seed)
     return lambda q, v, a: reference.torque(*(part[: len(q)] for part in whole))
-
-
-def _measure(
-    comm: MPI.Intracomm,
-    contenders: dict[str, Callable[..., Array]],
-    state: tuple[Array, ...],
-    settings: Settings,
-    say: Callable[[str], None],
-    *,
-    single: bool = False,
-) -> dict[str, Timing]:
-    """Time the contenders in turn, interleaved, so that what the machine does meanwhile falls on all alike."""
-    size = "one sample at a time" if single else f"{len(state[0])} samples together"
-    say(f"{size}: first calls")
-    first = {name: _timed(comm, call, state, 1, single=single) for name, call in contenders.items()}
-    samples = 1 if single else len(state[0])
-    walls = {name: wall * samples for name, (wall, _) in first.items()}
-    repeats, calls = comm.bcast(_affordable(walls, settings, min(_SINGLES, len(state[0])) if single else _BATCHES))
-    if repeats == 0:
-        return {name: Timing([wall], [cpu]) for name, (wall, cpu) in first.items()}
-    timings = {name: Timing([], []) for name in contenders}
-    for repeat in range(repeats):
-        for name, call in contenders.items():
-            say(f"{size}: {name}, repeat {repeat + 1} of {repeats}")
-            wall, cpu = _timed(comm, call, state, calls[name], single=single)
-            timings[name].wall.append(wall)
-            timings[name].cpu.append(cpu)
-    return timings
-
-
-def _affordable(walls: dict[str, float], settings: Settings, most: int) -> tuple[int, dict[str, int]]:
-    """How many repeats, and calls in each, the time allows; no repeat where the first calls have used it up."""
-    repeats = min(settings.repeats, int(settings.seconds / sum(walls.values())))
-    share = settings.seconds / max(repeats, 1) / len(walls)
-    return repeats, {name: min(max(int(share / wall), 1), most) for name, wall in walls.items()}
-
-
-def _timed(
-    comm: MPI.Intracomm, call: Callable[..., Array], state: tuple[Array, ...], calls: int, *, single: bool
-) -> tuple[float, float]:
-    """Wall and largest processor seconds a sample of some calls in a row."""
-    arguments = _one_by_one(state)[:calls] if single else [state] * calls
-    gc.collect()
-    _give_back()
-    barrier(comm)
-    wall, cpu = time.perf_counter(), time.process_time()
-    for sample in arguments:
-        call(*sample)
-    mine = np.array([time.perf_counter() - wall, time.process_time() - cpu])
-    most = np.empty(2)
-    wait(comm.Iallreduce(mine, most, MPI.MAX))
-    done = calls if single else calls * len(state[0])
-    return float(most[0]) / done, float(most[1]) / done
-
-
-def _give_back() -> None:
-    """Return the memory of what the last contender left to the system, so that hundreds of ranks fit."""
-    if sys.platform == "linux":
-        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc's
-        if trim is not None:
-            trim(0)
-
-
-def _one_by_one(state: tuple[Array, ...]) -> list[tuple[Array, ...]]:
-    """Cut a trajectory into its samples."""
-    return [tuple(part[t : t + 1] for part in state) for t in range(len(state[0]))]
 
 
 def _relay_alone(comm: MPI.Intracomm, spent: Array) -> float:
@@ -230,14 +144,20 @@ def _error(
     comm: MPI.Intracomm, chain: Chain, settings: Settings, reference: Reference | None, torque: Array
 ) -> dict[str, Any] | None:
     """Largest error of all robots' torques over the largest torque, on rank 0."""
-    columns = comm.gather(torque[:_SINGLES])
+    columns = comm.gather(torque[:SINGLES])
     if columns is None:
         return None
-    whole = tuple(part[:_SINGLES] for part in chain.random_state(settings.samples, settings.seed))
+    whole = tuple(part[:SINGLES] for part in chain.random_state(settings.samples, settings.seed))
     ours = np.concatenate(columns, axis=1)
     against = "pinocchio" if reference is not None else "mp2a serial"
     theirs = reference.torque(*whole) if reference is not None else rnea(chain, *whole)
     return {"relative": float(np.abs(ours - theirs).max() / np.abs(theirs).max()), "against": against}
+
+
+def _counted(formation: DistributedChain) -> dict[str, int]:
+    """Count rounds, messages and bytes of a sample as the schedule says."""
+    count = formation.schedule.count(METHODS[formation.method].doubles)
+    return {"rounds": count.rounds, "messages": count.total, "bytes": 8 * count.doubles}
 
 
 def _sent(comm: MPI.Intracomm, formation: DistributedChain, samples: int) -> dict[str, int] | None:
@@ -269,9 +189,9 @@ def _memory(comm: MPI.Intracomm) -> dict[str, Any] | None:
     }
 
 
-def _network(comm: MPI.Intracomm, settings: Settings, measured: dict[str, dict[str, Timing]]) -> model.Network:
+def _network(link: Link, settings: Settings, measured: dict[str, dict[str, Timing]]) -> model.Network:
     """Constants of eq. 11-13: as given, or measured between ranks 0 and 1 and from the relay."""
-    small, large = (_ping_pong(comm, size) for size in (6, 84_000))
+    small, large = (_ping_pong(link, size) for size in (6, 84_000))
     latency = settings.latency if settings.latency is not None else small
     speed = settings.speed if settings.speed is not None else 64 * 84_000 / max(large - small, 1e-9)
     relay = statistics.median(measured["single"]["relay"].wall)
@@ -279,22 +199,14 @@ def _network(comm: MPI.Intracomm, settings: Settings, measured: dict[str, dict[s
     return model.Network(serial, latency, speed, settings.bits)
 
 
-def _ping_pong(comm: MPI.Intracomm, doubles: int, rounds: int = 50) -> float:
-    """Median one-way seconds of a message between ranks 0 and 1; 0 for one rank alone."""
-    rank = comm.Get_rank()
-    barrier(comm)
-    if rank > 1 or comm.Get_size() == 1:
+def _ping_pong(link: Link, doubles: int) -> float:
+    """Median one-way seconds of a message between ranks 0 and 1; 0 elsewhere."""
+    barrier(link.comm)
+    times = measure_link(link, doubles, 20)
+    if not times:
         time.sleep(_QUIET)  # and not in the barrier, where hundreds of ranks looking for it would be in the way
-        barrier(comm)
-        return 0.0
-    data, times = np.zeros(doubles), []
-    for _ in range(rounds):
-        began = time.perf_counter()
-        for sender in (0, 1):
-            wait(comm.Isend(data, 1 - rank) if sender == rank else comm.Irecv(data, 1 - rank))
-        times.append((time.perf_counter() - began) / 2)
-    barrier(comm)
-    return statistics.median(times)
+    barrier(link.comm)
+    return statistics.median(times) if times else 0.0
 
 
 def _modelled(n: int, settings: Settings, network: model.Network) -> dict[str, dict[str, float]]:
@@ -307,3 +219,11 @@ def _modelled(n: int, settings: Settings, network: model.Network) -> dict[str, d
     hops = network.serial_time if settings.serial_time is not None else model.relay_time(n, samples, network)
     out["serial"] = {"batch": hops / samples, "single": hops / samples}
     return out
+
+
+def _extrapolated(settings: Settings, measured: dict[str, dict[str, Timing]]) -> dict[str, dict[str, float]]:
+    """Tell what a machine with a core a robot would need: the largest processor time of a rank."""
+    return {
+        name: {size: statistics.median(values[name].cpu) for size, values in measured.items()}
+        for name in settings.methods
+    }

@@ -1,6 +1,8 @@
 """What a run of the benchmark is made with; known to the launcher and to the ranks."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from mp2a.network import EmulatedNetwork
 
 STARTED = "MP2A_STARTED"
 """Environment variable in which the launcher says when it began, as a Unix time."""
@@ -18,7 +20,10 @@ class Settings(NamedTuple):
     samples: int = 2000
     repeats: int = 5
     seed: int = 0
-    method: str = "kogge-stone"
+    methods: tuple[str, ...] = ("kogge-stone", "compact", "sweep")
+    """Distributed methods to measure, of `mp2a.methods.METHODS`."""
+    network: EmulatedNetwork | None = None
+    """Network to emulate between the ranks."""
     seconds: float = 10.0
     """Time for the repeats of all contenders; where one call each takes longer, there are fewer repeats."""
     serial_time: float | None = None
@@ -29,3 +34,8 @@ class Settings(NamedTuple):
     """N_TS, bit/s; None: as measured."""
     bits: float = 64.0
     """Bits a number."""
+
+    def identity(self) -> dict[str, Any]:
+        """Tell what makes two runs of the same n the same run, as it is in the results file."""
+        network = None if self.network is None else list(self.network)
+        return {"samples": self.samples, "seed": self.seed, "methods": list(self.methods), "emulated": network}

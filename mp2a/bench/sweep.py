@@ -52,8 +52,7 @@ def sweep(
     """
     runs = []
     for n in ranks:
-        same = {"n": n, "samples": settings.samples, "seed": settings.seed, "method": settings.method}
-        found = None if fresh else results.find(path, **same)
+        found = None if fresh else results.find(path, n=n, **settings.identity())
         if found is None:
             found = _run(n, settings, say)
             results.append(path, found)
@@ -95,11 +94,11 @@ def _run(n: int, settings: Settings, say: Callable[[str], None]) -> dict[str, An
 
 def _arguments(settings: Settings) -> list[str]:
     """Spell settings as options of ``mp2a bench``."""
-    out = []
-    for name, value in settings._asdict().items():
-        if value is not None:
-            out += [f"--{name.replace('_', '-')}", str(value)]
-    return out
+    spelled = {name: value for name, value in settings._asdict().items() if value is not None}
+    spelled["methods"] = ",".join(settings.methods)
+    if settings.network is not None:
+        spelled["network"] = f"{settings.network.latency!r}s,{settings.network.bandwidth!r}bit"
+    return [word for name, value in spelled.items() for word in (f"--{name.replace('_', '-')}", str(value))]
 
 
 def _follow(lines: Any, say: Callable[[str], None]) -> list[str]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from mp2a.bench.rank import barrier
+from mp2a.bench.timing import barrier
 from mp2a.chain import Chain
 from mp2a.distributed import DistributedChain
 from mp2a.methods import METHODS

@@ -213,4 +213,4 @@ def _part(parallel_part: float) -> str:
 
 
 def _shape(source: str) -> Look:
-    return look(OURS) if source == "measured" else look(OURS)._replace(marker="x", color="#56B4E9")
+    return look(OURS) if source == "measured" else look(OURS)._replace(marker="x")

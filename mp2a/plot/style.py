@@ -258,21 +258,20 @@ def legends(figure: Figure, columns: Sequence[tuple[str, Sequence[Artist]]], hei
     height : float
         Inches they need.
     """
-    full = [(title, handles) for title, handles in columns if handles]
     share = height / figure.get_figheight()
     figure.get_layout_engine().set(rect=(0, share, 1, 1 - share))  # type: ignore[union-attr,call-arg]
-    for k, (title, handles) in enumerate(full):
-        drawn = figure.legend(
-            handles=list(handles),
-            title=title or None,
-            loc="upper left",
-            bbox_to_anchor=(0.01 + 0.99 * k / len(full), share),
-            alignment="left",
-            handlelength=2.4,
-            borderaxespad=0.2,
-        )
-        drawn.get_title().set_fontweight("bold")
-        drawn.set_in_layout(False)
+    drawn = []
+    for title, handles in columns:
+        if handles:
+            keys: dict[str, Any] = {"loc": "upper left", "alignment": "left", "handlelength": 2.4, "borderaxespad": 0.2}
+            drawn.append(figure.legend(handles=list(handles), title=title, bbox_to_anchor=(0.005, share), **keys))
+            drawn[-1].get_title().set_fontweight("bold")
+            drawn[-1].set_in_layout(False)
+    figure.draw_without_rendering()  # how wide a group is, is known only once it has been laid out
+    widths = [group.get_window_extent().width / figure.bbox.width for group in drawn]
+    gap = min(0.05, (0.99 - sum(widths)) / max(1, len(widths) - 1))
+    for k, group in enumerate(drawn):
+        group.set_bbox_to_anchor((0.005 + sum(widths[:k]) + k * gap, share))
 
 
 def spread(places: Iterable[float], gap: float) -> np.ndarray:

@@ -41,8 +41,8 @@ _LINES: dict[str, Dashes] = {"measured": "-", "modelled": (0, (5, 2)), "extrapol
 _MARKS = {"modelled": "+", "extrapolated": "x"}
 _TITLES = {
     "measured": "measured, wall clock",
-    "modelled": "modelled, eq. 13 (dashed)",
-    "extrapolated": "extrapolated to a core a robot (dotted)",
+    "modelled": "modelled, eq. 13",
+    "extrapolated": "extrapolated, a core a robot",
 }
 
 
@@ -255,6 +255,7 @@ def time_figure(results: Mapping[str, Any], period: float = 0.01) -> Figure:
     right = panels[1].secondary_yaxis("right", functions=(lambda t: t / count, lambda t: t * count))
     right.yaxis.set_major_formatter(EngFormatter("s"))
     right.yaxis.set_minor_formatter(NullFormatter())
+    right.tick_params(which="minor", right=False)
     right.set_ylabel("time per sample")
     groups = [(_TITLES[s], [handle(_shape(s, who), _LINES[s]) for who in found[s]]) for s in SOURCES]
     scaled = "" if count == PAPER_SAMPLES else f", for {count} of its {PAPER_SAMPLES} samples"

@@ -171,7 +171,7 @@ def timeline_figure(trace: Mapping[str, Any]) -> Figure:
     if few:
         for message in sent:
             _arrow(axes, message, zero, unit)
-    axes.set_xlim(0, max((end - zero) / unit, 1e-9))
+    axes.set_xlim(0, max((end - zero) / unit, 1e-9) * 1.005)
     axes.set_ylim(rows - 0.4, -0.6)
     step = 1 if rows <= 16 else 2 if few else 2 ** int(np.ceil(np.log2(rows / 16)))
     ticks = [0, *range(step - 1, rows, step)] if step > 1 else list(range(rows))

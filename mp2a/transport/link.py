@@ -11,21 +11,9 @@ import numpy as np
 from mpi4py import MPI
 
 from mp2a.exceptions import InputError
+from mp2a.network import EmulatedNetwork
 from mp2a.spatial import Array
 from mp2a.transport.wait import wait, wait_unless
-
-
-class EmulatedNetwork(NamedTuple):
-    """A network to emulate: a message takes ``latency + bits / bandwidth``."""
-
-    latency: float
-    """s"""
-    bandwidth: float
-    """bit/s"""
-
-    def seconds(self, doubles: int) -> float:
-        """Time from sending to delivery of a message of this many doubles."""
-        return self.latency + 64 * doubles / self.bandwidth
 
 
 class Receiving(NamedTuple):

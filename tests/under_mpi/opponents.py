@@ -3,14 +3,19 @@
 from _formation import COMM, RANK, Checks, chain_of_all_joints, own_columns, relative_error
 
 import mp2a
-from mp2a.bench.opponents import Centre, Relay
+from mp2a.bench.centre import Centre
+from mp2a.bench.relay import Relay
 from mp2a.reference import Reference
+from mp2a.transport.link import MPILink, make_link
 
 check = Checks()
 for seed in range(3):
     chain = chain_of_all_joints(seed=seed)
     reference = Reference(chain) if RANK == 0 else None
-    contenders = [Relay(COMM, chain), Relay(COMM, chain, blocks=4), Centre(COMM, chain, reference)]
+    contenders = []
+    for link in (MPILink(COMM), make_link(COMM, mp2a.EmulatedNetwork(1e-3, 1e9))):
+        contenders += [Relay(link, chain), Relay(link, chain, blocks=4)]
+        contenders += [Centre(link, chain, reference), Centre(link, chain, reference, tree=True)]
     qs, vs = own_columns(chain)
     for samples in (1, 3, 50):
         q, v, a = chain.random_state(samples, seed)

@@ -1,15 +1,13 @@
-"""What a formation without MP²A does: pass on hop by hop, or let one robot compute for all."""
+"""The relay: what a formation without MP²A does, each robot waits for its neighbour."""
 
 import time
 
 import numpy as np
-from mpi4py import MPI
-from numpy.typing import NDArray
 
 from mp2a.chain import Chain
 from mp2a.leaf import State, check_state, joint_motion, joint_torque
-from mp2a.reference import Reference
 from mp2a.spatial import GRAVITY, Array, apply, cross, inertia_at_origin, motion_operator, skew, transpose
+from mp2a.transport.link import Link
 from mp2a.transport.wait import wait
 
 _MOTION, _FORCE = 1, 2
@@ -26,8 +24,8 @@ class Relay:
 
     Parameters
     ----------
-    comm
-        One rank a robot, in the order of the chain; used as it is.
+    link
+        One rank a robot, in the order of the chain.
     chain
         The whole chain.
     blocks
@@ -42,9 +40,9 @@ class Relay:
         Samples of all calls so far.
     """
 
-    def __init__(self, comm: MPI.Intracomm, chain: Chain, blocks: int = 1) -> None:
-        self._comm = comm
-        self._rank, self._last = comm.Get_rank(), comm.Get_size() - 1
+    def __init__(self, link: Link, chain: Chain, blocks: int = 1) -> None:
+        self._link = link
+        self._rank, self._last = link.comm.Get_rank(), link.comm.Get_size() - 1
         self._blocks = blocks
         self.body = chain.body(self._rank)
         self._inertia = _spatial_inertia(self.body)
@@ -63,13 +61,13 @@ class Relay:
         sent = []
         for cut in cuts:
             if self._rank > 0:
-                wait(self._comm.Irecv([motion[cut], MPI.DOUBLE], self._rank - 1, _MOTION))
+                self._link.finish(self._link.receive(motion[cut], self._rank - 1, _MOTION))
             else:
                 motion[cut] = np.concatenate((np.zeros(9), -np.asarray(GRAVITY)))
             began = time.process_time()
             motion[cut] = apply(hop[cut], motion[cut]) + added[cut]
             if self._rank < self._last:
-                sent.append(self._comm.Isend([motion[cut], MPI.DOUBLE], self._rank + 1, _MOTION))
+                sent.append(self._link.send(motion[cut], self._rank + 1, _MOTION))
             self.hopping += time.process_time() - began
         began = time.process_time()
         force = self._force(motion)
@@ -77,13 +75,13 @@ class Relay:
         self.alone += time.process_time() - began
         for cut in cuts:
             if self._rank < self._last:
-                wait(self._comm.Irecv([passed[cut], MPI.DOUBLE], self._rank + 1, _FORCE))
+                self._link.finish(self._link.receive(passed[cut], self._rank + 1, _FORCE))
             began = time.process_time()
             if self._rank < self._last:
                 force[cut] += passed[cut]
             if self._rank > 0:
                 passed[cut] = apply(transpose(operator[cut]), force[cut])
-                sent.append(self._comm.Isend([passed[cut], MPI.DOUBLE], self._rank - 1, _FORCE))
+                sent.append(self._link.send(passed[cut], self._rank - 1, _FORCE))
             self.hopping += time.process_time() - began
         torque = joint_torque(self.body, force[None])
         for request in sent:
@@ -110,53 +108,6 @@ class Relay:
         pushing = cross(velocity[:, :3], momentum[:, 3:])
         out: Array = acceleration @ self._inertia + np.concatenate((turning, pushing), axis=1)
         return out
-
-
-class Centre:
-    """Inverse dynamics by one robot for all: gather, pinocchio on rank 0, scatter.
-
-    Parameters
-    ----------
-    comm
-        One rank a robot, in the order of the chain; used as it is.
-    chain
-        The whole chain.
-    reference
-        pinocchio's model of the chain on rank 0; None on all others.
-    """
-
-    def __init__(self, comm: MPI.Intracomm, chain: Chain, reference: Reference | None) -> None:
-        self._comm = comm
-        self._chain = chain
-        self._reference = reference
-        self._nv = int(np.diff(chain.v_starts)[comm.Get_rank()])
-
-    def rnea(self, q: Array, v: Array, a: Array) -> Array:
-        """Torque ``(T, nv)`` of this robot's joint from its own q ``(T, nq)``, v and a ``(T, nv)``; collective."""
-        samples = len(q)
-        gathered = [
-            self._gather(part, starts, samples)
-            for part, starts in ((q, self._chain.q_starts), (v, self._chain.v_starts), (a, self._chain.v_starts))
-        ]
-        torque = self._reference.torque(*gathered).T.copy() if self._reference is not None else None
-        mine = np.empty((self._nv, samples))
-        whole = [torque, *_blocks(self._chain.v_starts, samples), MPI.DOUBLE]
-        wait(self._comm.Iscatterv(whole, [mine, MPI.DOUBLE], 0))
-        return mine.T
-
-    def _gather(self, part: Array, starts: NDArray[np.intp], samples: int) -> Array:
-        """Collect columns of all robots on rank 0, ``(T, columns)``; empty elsewhere."""
-        root = self._comm.Get_rank() == 0
-        whole = np.empty((int(starts[-1]), samples)) if root else np.empty((0, 0))
-        target = [whole, *_blocks(starts, samples), MPI.DOUBLE] if root else None
-        mine = np.ascontiguousarray(part.T)
-        wait(self._comm.Igatherv([mine, MPI.DOUBLE], target, 0))
-        return whole.T.copy()
-
-
-def _blocks(starts: NDArray[np.intp], samples: int) -> tuple[list[int], list[int]]:
-    """Find counts and displacements of the robots' columns in an array of rows of samples."""
-    return (np.diff(starts) * samples).tolist(), (starts[:-1] * samples).tolist()
 
 
 def _spatial_inertia(body: Chain) -> Array:

@@ -1,0 +1,49 @@
+"""The ``mp2a`` command, a file a subcommand. Each imports what it runs when it runs."""
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+
+from mp2a import __version__
+from mp2a.bench.settings import ERROR
+from mp2a.cli import bench, model, plot, schedule, trace
+from mp2a.exceptions import InputError, MissingError
+
+_SUBCOMMANDS = (bench, plot, model, schedule, trace)
+_INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command line; returns the exit status."""
+    options = _parser().parse_args(arguments)
+    try:
+        options.run(options)
+    except (InputError, MissingError) as error:
+        return _fail(str(error))
+    except KeyboardInterrupt:
+        print("interrupted; what was measured is kept", file=sys.stderr)
+        return _INTERRUPTED
+    except BrokenPipeError:
+        return 0
+    return 0
+
+
+def _fail(message: str) -> int:
+    # Under mpirun every rank has the same error, and one of them says it.
+    if os.environ.get("OMPI_COMM_WORLD_RANK", os.environ.get("PMI_RANK", "0")) == "0":
+        print(f"{ERROR}{message}", file=sys.stderr)
+    return 2
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="mp2a",
+        description="A formation of robots computes its own dynamics in O(log2 n) exchanges.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"mp2a {__version__}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    for subcommand in _SUBCOMMANDS:
+        subcommand.add(commands)
+    return parser

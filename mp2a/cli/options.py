@@ -1,0 +1,118 @@
+"""What the subcommands share: options, how to read them, progress, being a rank."""
+
+import argparse
+import os
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+from mp2a.bench.settings import PROGRESS
+from mp2a.exceptions import InputError, MissingError
+from mp2a.network import EmulatedNetwork, parse
+
+WIDTH = 136
+"""Columns of the tables, whatever the terminal: cut-off headings help nobody."""
+
+
+def command(
+    commands: Any, name: str, run: Callable[[argparse.Namespace], None], summary: str, examples: str
+) -> argparse.ArgumentParser:
+    parser: argparse.ArgumentParser = commands.add_parser(
+        name,
+        help=summary,
+        description=summary,
+        epilog=f"examples:\n{examples}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.set_defaults(run=run)
+    return parser
+
+
+def under_mpirun() -> bool:
+    """Whether this process is a rank that some launcher started."""
+    return any(name in os.environ for name in ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK", "PMI_RANK"))
+
+
+def as_rank(run: Callable[[argparse.Namespace], None], options: argparse.Namespace) -> None:
+    """Run a rank's part; what goes wrong on one rank alone ends all, since the others would wait for it."""
+    from mpi4py import MPI
+
+    from mp2a.cores import settle
+
+    settle()
+    try:
+        run(options)
+    except (InputError, MissingError):
+        raise  # the same on every rank
+    except BaseException:
+        traceback.print_exc()
+        MPI.COMM_WORLD.Abort(1)
+
+
+def add_run_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--samples", type=positive, default=2000, help="samples of the trajectory (default: 2000)")
+    command.add_argument("--seed", type=int, default=0, help="of the random chain and its motion (default: 0)")
+    command.add_argument("--quiet", action="store_true", help=argparse.SUPPRESS)
+
+
+def add_network(command: argparse.ArgumentParser) -> None:
+    group = command.add_argument_group("constants of eq. 11-13 (bench measures those that are not given)")
+    group.add_argument("--serial-time", type=positive_number, metavar="T_s", help="O(n) time of all samples, s")
+    group.add_argument("--latency", type=positive_number, metavar="L_a", help="of a message, s")
+    group.add_argument("--speed", type=positive_number, metavar="N_TS", help="of the network, bit/s")
+    group.add_argument(
+        "--bits", type=positive_number, default=64.0, help="bits a number; eq. 13 prints 2 (default: 64)"
+    )
+
+
+def ranks(text: str) -> list[int]:
+    return [positive(word) for word in text.split(",")]
+
+
+def words(text: str) -> tuple[str, ...]:
+    return tuple(text.split(","))
+
+
+def network(text: str) -> EmulatedNetwork:
+    try:
+        return parse(text)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def positive(text: str) -> int:
+    if not text.strip().isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"got {text!r}, expected a whole number of at least 1")
+    return int(text)
+
+
+def positive_number(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = float("nan")
+    if not 0 < number < float("inf"):
+        raise argparse.ArgumentTypeError(f"got {text!r}, expected a positive number")
+    return number
+
+
+def say_line(what: str) -> None:
+    print(f"{PROGRESS}{what}", flush=True)
+
+
+def progress(quiet: bool) -> Any:
+    """Context whose value is called with what is being done: a spinner on a terminal, nothing elsewhere."""
+    from contextlib import contextmanager
+
+    from rich.console import Console
+
+    @contextmanager
+    def shown() -> Any:
+        console = Console(stderr=True)
+        if quiet or not console.is_terminal:
+            yield lambda what: None
+            return
+        with console.status("starting") as status:
+            yield status.update
+
+    return shown()
