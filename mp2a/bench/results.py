@@ -52,7 +52,7 @@ def find(path: str | Path, **settings: Any) -> dict[str, Any] | None:
     if not Path(path).exists():
         return None
     runs = load(path)["runs"]
-    return next((run for run in reversed(runs) if settings.items() <= run.items()), None)
+    return next((run for run in reversed(runs) if all(run.get(k) == v for k, v in settings.items())), None)
 
 
 def machine() -> dict[str, Any]:

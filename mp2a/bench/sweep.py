@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from mp2a import launch
+from mp2a import kernels, launch
 from mp2a.bench import results
 from mp2a.bench.settings import ERROR, PROGRESS, STARTED, Settings
 from mp2a.cores import available_memory
@@ -64,6 +64,7 @@ def sweep(
 
 def child(arguments: Sequence[str], n: int, say: Callable[[str], None]) -> dict[str, Any]:
     """Run an ``mp2a`` command on n ranks; rank 0 writes JSON to the file that is put after ``--out``."""
+    kernels.build()  # hundreds of ranks load what one process has compiled
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out.json"
         program = [sys.executable, "-m", "mp2a", *arguments, "--out", str(out), "--quiet"]

@@ -17,6 +17,7 @@ WIDTH = 136
 def command(
     commands: Any, name: str, run: Callable[[argparse.Namespace], None], summary: str, examples: str
 ) -> argparse.ArgumentParser:
+    """Add a subcommand with a summary and examples; ``run`` gets the options."""
     parser: argparse.ArgumentParser = commands.add_parser(
         name,
         help=summary,
@@ -50,12 +51,14 @@ def as_rank(run: Callable[[argparse.Namespace], None], options: argparse.Namespa
 
 
 def add_run_options(command: argparse.ArgumentParser) -> None:
+    """Add the options of what is run."""
     command.add_argument("--samples", type=positive, default=2000, help="samples of the trajectory (default: 2000)")
     command.add_argument("--seed", type=int, default=0, help="of the random chain and its motion (default: 0)")
     command.add_argument("--quiet", action="store_true", help=argparse.SUPPRESS)
 
 
 def add_network(command: argparse.ArgumentParser) -> None:
+    """Add the constants of the cost model."""
     group = command.add_argument_group("constants of eq. 11-13 (bench measures those that are not given)")
     group.add_argument("--serial-time", type=positive_number, metavar="T_s", help="O(n) time of all samples, s")
     group.add_argument("--latency", type=positive_number, metavar="L_a", help="of a message, s")
@@ -66,14 +69,17 @@ def add_network(command: argparse.ArgumentParser) -> None:
 
 
 def ranks(text: str) -> list[int]:
+    """Read numbers of ranks, as in ``1,2,8``."""
     return [positive(word) for word in text.split(",")]
 
 
 def words(text: str) -> tuple[str, ...]:
+    """Read words, as in ``sweep,compact``."""
     return tuple(text.split(","))
 
 
 def network(text: str) -> EmulatedNetwork:
+    """Read a network, as in ``5ms,54Mbit``."""
     try:
         return parse(text)
     except InputError as error:
@@ -81,12 +87,14 @@ def network(text: str) -> EmulatedNetwork:
 
 
 def positive(text: str) -> int:
+    """Read a whole number of at least 1."""
     if not text.strip().isdigit() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"got {text!r}, expected a whole number of at least 1")
     return int(text)
 
 
 def positive_number(text: str) -> float:
+    """Read a positive number."""
     try:
         number = float(text)
     except ValueError:
@@ -97,6 +105,7 @@ def positive_number(text: str) -> float:
 
 
 def say_line(what: str) -> None:
+    """Tell the launcher what this rank does."""
     print(f"{PROGRESS}{what}", flush=True)
 
 

@@ -2,13 +2,14 @@
 
 import numpy as np
 
+from mp2a import kernels
 from mp2a.chain import Chain
 from mp2a.leaf import State, joint_motion, joint_torque
 from mp2a.methods.result import InverseDynamics
 from mp2a.methods.sweep import add, read_off
 from mp2a.schedule import FORCE, MOTION, Schedule
 from mp2a.segments import motion
-from mp2a.spatial import Array, body_force, force_to_parent, spatial_to_classical
+from mp2a.spatial import Array, body_force, spatial_to_classical
 from mp2a.transport.base import Transport
 
 DOUBLES = {MOTION: motion.DOUBLES, FORCE: 6}
@@ -26,7 +27,7 @@ def compact(bodies: Chain, state: State, gravity: Array, schedule: Schedule, tra
         arrivals = transport.exchange(round_, {MOTION: paths[-1]})
         longer = paths[-1].copy()
         for _, nodes, data in arrivals:
-            longer[nodes] = motion.compose(data.reshape(-1, state.samples, motion.DOUBLES), longer[nodes])
+            longer[nodes] = kernels.compose(data.reshape(-1, state.samples, motion.DOUBLES), longer[nodes])
         paths.append(longer)
     velocity, acceleration = read_off(paths.pop(), gravity)
     classical = spatial_to_classical(acceleration, velocity)
@@ -37,8 +38,7 @@ def compact(bodies: Chain, state: State, gravity: Array, schedule: Schedule, tra
     for round_, path in zip(schedule.recurrence("force"), paths, strict=True):
         carried = np.empty_like(force)
         for nodes in transport.senders(round_, FORCE):
-            across = motion.view(path[nodes])
-            carried[nodes] = force_to_parent(across.rotation, across.translation, force[nodes])
+            carried[nodes] = kernels.carry(path[nodes], force[nodes])
         for _, nodes, data in transport.exchange(round_, {FORCE: carried}):
             add(force, nodes, data.reshape(-1, state.samples, 6))
     return InverseDynamics(velocity, classical, force, joint_torque(bodies, force))

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from mp2a import kernels
 from mp2a.chain import Chain
 from mp2a.leaf import State, joint_motion, joint_torque
 from mp2a.methods.result import InverseDynamics
@@ -26,16 +27,16 @@ def sweep(bodies: Chain, state: State, gravity: Array, schedule: Schedule, trans
     for round_ in schedule.rounds:
         upwards = np.empty_like(below)
         for nodes in transport.senders(round_, FORCE):
-            upwards[nodes] = load.move(below[nodes], path[nodes])
+            upwards[nodes] = kernels.move(below[nodes], path[nodes])
         arrivals = transport.exchange(round_, {MOTION: path, FORCE: upwards})
         path = path.copy()  # the old one may still be on its way
         for kind, nodes, data in arrivals:
             if kind == MOTION:
-                path[nodes] = motion.compose(data.reshape(-1, state.samples, motion.DOUBLES), path[nodes])
+                path[nodes] = kernels.compose(data.reshape(-1, state.samples, motion.DOUBLES), path[nodes])
             else:
                 add(below, nodes, data.reshape(-1, state.samples, load.DOUBLES))
     velocity, acceleration = read_off(path, gravity)
-    force = load.force(below, velocity, acceleration)
+    force = kernels.force(below, velocity, acceleration)
     return InverseDynamics(velocity, spatial_to_classical(acceleration, velocity), force, joint_torque(bodies, force))
 
 

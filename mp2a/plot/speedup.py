@@ -12,6 +12,7 @@ from matplotlib.text import Annotation
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from mp2a.exceptions import InputError
+from mp2a.methods import METHODS
 from mp2a.model import amdahl, karp_flatt
 from mp2a.plot.style import (
     FAINT,
@@ -32,7 +33,7 @@ from mp2a.plot.style import (
 )
 from mp2a.plot.time import GRAINS, contenders, grain_title, hollow_note, runs, series
 
-OURS = "kogge-stone"
+OURS = tuple(METHODS)
 PARALLEL_PARTS = (0.7, 0.8, 0.9, 0.95, 0.97, 0.99, 0.992)
 PAPER_SPEEDUP = 42.1
 _AMDAHL = "#b9b9b9"
@@ -49,8 +50,10 @@ class Speedup(NamedTuple):
     oversubscribed: np.ndarray
 
 
-def speedups(results: Mapping[str, Any], against: str, grain: str, source: str = "measured") -> Speedup:
-    """Divide an opponent's times by those of kogge-stone, where the results hold both.
+def speedups(
+    results: Mapping[str, Any], against: str, grain: str, source: str = "measured", method: str = "kogge-stone"
+) -> Speedup:
+    """Divide an opponent's times by those of a method, where the results hold both.
 
     Parameters
     ----------
@@ -63,13 +66,15 @@ def speedups(results: Mapping[str, Any], against: str, grain: str, source: str =
     source : {"measured", "extrapolated"}
         Which times. An opponent in one process needs no more than the core it has, so where the results
         do not extrapolate pinocchio, its measured time stands for itself.
+    method : str
+        Ours.
 
     Returns
     -------
     Speedup
         Its `parallel_part` is Karp and Flatt's; NaN for one robot, of which there is none.
     """
-    ours = series(results, source, OURS, grain)
+    ours = series(results, source, method, grain)
     theirs = series(results, source, against, grain)
     if source == "extrapolated" and against == "pinocchio" and not len(theirs.n):
         theirs = series(results, "measured", against, grain)
@@ -90,7 +95,7 @@ def speedup(results: Mapping[str, Any], path: str | Path, *, against: str = "rel
     path : str or Path
         Where the picture goes; .png, .svg or .pdf. Its folder is created.
     against : str
-        Whose times are divided by those of kogge-stone: relay, centre or pinocchio.
+        Whose times are divided by ours: relay, centre or pinocchio.
 
     Returns
     -------
@@ -120,40 +125,41 @@ def speedup_figure(results: Mapping[str, Any], against: str = "relay") -> Figure
     Returns
     -------
     Figure
-        Two panels; a curve carries its name as gid: "measured", "extrapolated", "amdahl 0.97".
+        Two panels; a curve carries its name as gid: "measured sweep", "extrapolated sweep", "amdahl 0.97".
     """
-    rivals = [who for who in contenders(results, "measured") if who != OURS]
+    rivals = [who for who in contenders(results, "measured") if who not in OURS]
     if against not in rivals:
         known = ", ".join(rivals) or "none"
         raise InputError(f"against: got {against!r}, expected an opponent these results measured: {known}")
-    curves = {grain: {source: speedups(results, against, grain, source) for source in _LINES} for grain in GRAINS}
-    if not any(len(line.n) for panel in curves.values() for line in panel.values()):
-        raise InputError(f"against: got {against!r}, but no run has times of both it and {OURS}, expected at least one")
+    curves = {
+        grain: {(source, who): speedups(results, against, grain, source, who) for who in OURS for source in _LINES}
+        for grain in GRAINS
+    }
+    drawn = [key for key in curves["single"] if any(len(curves[grain][key].n) for grain in GRAINS)]
+    if not drawn:
+        raise InputError(f"against: got {against!r}, of which no run has times beside ours, expected at least one")
     largest = max(PAPER_ROBOTS, runs(results)[-1]["n"])
-    figure = canvas(9.6, 5.2)
+    figure = canvas(9.6, 4.3)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, grain in zip(panels, GRAINS, strict=True):
         _panel(axes, curves[grain], largest)
         axes.set_title(grain_title(results, grain))
-    panels[0].set_ylabel(f"speedup S = T({against}) / T({OURS})")
-    drawn = [s for s in _LINES if any(len(curves[grain][s].n) for grain in GRAINS)]
-    names = {"measured": "measured, wall clock", "extrapolated": "extrapolated to a core a robot"}
-    ours = [handle(_shape(s)._replace(label=names[s]), _LINES[s]) for s in drawn]
-    note = hollow_note(results) if "measured" in drawn else None
+    panels[0].set_ylabel(f"speedup S = T({against}) / T(method)")
+    titles = {"measured": "measured, wall clock", "extrapolated": "extrapolated, a core a robot"}
+    groups = [
+        (titles[source], [handle(_shape(source, who), _LINES[source]) for kind, who in drawn if kind == source])
+        for source in _LINES
+    ]
+    note = hollow_note(results) if groups[0][1] else None
     law = [
         handle(Look(r"Amdahl, $S = n\,/\,(f_s n + f_p),\;\; f_s = 1 - f_p$", _AMDAHL, "")),
         handle(Look("as fast as the opponent, S = 1", FAINT, ""), "-.", linewidth=1.2),
     ]
     star = Look(f"paper: S = {PAPER_SPEEDUP} at n = {PAPER_ROBOTS}", INK, "*")
-    paper = [handle(star, "none", markersize=9, markeredgewidth=0)]
+    paper = handle(star, "none", markersize=9, markeredgewidth=0)
     legends(
         figure,
-        [
-            ("kogge-stone (MP²A), $\\mathbf{f_p}$ by Karp and Flatt", [*ours, *([note] if note else [])]),
-            ("theory", law),
-            ("for comparison", paper),
-        ],
-        0.9,
+        [*groups, ("for comparison, $\\mathbf{f_p}$ by Karp and Flatt", [*law, paper, *([note] if note else [])])],
     )
     figure.draw_without_rendering()  # labels can be kept apart only once the panels have their size
     for axes in panels:
@@ -161,18 +167,20 @@ def speedup_figure(results: Mapping[str, Any], against: str = "relay") -> Figure
     return figure
 
 
-def _panel(axes: Axes, curves: Mapping[str, Speedup], largest: int) -> None:
+def _panel(axes: Axes, curves: Mapping[tuple[str, str], Speedup], largest: int) -> None:
     n = np.geomspace(1, largest, 200)
     for part in PARALLEL_PARTS:
         law = amdahl(n, part)
         axes.plot(n, law, color=_AMDAHL, linewidth=1.0, zorder=1, gid=f"amdahl {part}")
         _label(axes, largest, law[-1], f"$f_p$ = {part:g}", "#6e6e6e")
     axes.axhline(1, color=FAINT, linestyle="-.", linewidth=1.2, zorder=1)
-    for source, line in curves.items():
-        curve(axes, line.n, line.speedup, _shape(source), _LINES[source], line.oversubscribed, source)
-        if len(line.n) and line.n[-1] > 1:
+    last = max((int(line.n[-1]) for line in curves.values() if len(line.n)), default=0)
+    for (source, who), line in curves.items():
+        shape = _shape(source, who)
+        curve(axes, line.n, line.speedup, shape, _LINES[source], line.oversubscribed, f"{source} {who}")
+        if len(line.n) and 1 < line.n[-1] == last:
             text = f"S = {line.speedup[-1]:.3g}, {_part(line.parallel_part[-1])}"
-            _label(axes, line.n[-1], line.speedup[-1], text, _shape(source).color)
+            _label(axes, line.n[-1], line.speedup[-1], text, shape.color)
     axes.plot(
         PAPER_ROBOTS,
         PAPER_SPEEDUP,
@@ -212,5 +220,5 @@ def _part(parallel_part: float) -> str:
     return "$f_p$ < 0" if parallel_part < 0 else f"$f_p$ = {parallel_part:.3f}"
 
 
-def _shape(source: str) -> Look:
-    return look(OURS) if source == "measured" else look(OURS)._replace(marker="x")
+def _shape(source: str, method: str) -> Look:
+    return look(method) if source == "measured" else look(method)._replace(marker="x")

@@ -32,8 +32,12 @@ INK = "#222222"
 FAINT = "#8a8a8a"
 LOOKS = {
     "kogge-stone": Look("kogge-stone (MP²A)", "#0072B2", "o"),
+    "compact": Look("compact", "#56B4E9", "p"),
+    "sweep": Look("sweep", "#000000", "X"),
     "relay": Look("relay, hop by hop", "#D55E00", "s"),
-    "centre": Look("centre: gather, compute, scatter", "#009E73", "D"),
+    "relay, pipelined": Look("relay, samples in 16 blocks", "#E69F00", "s"),
+    "centre": Look("centre, each robot directly", "#009E73", "D"),
+    "centre, tree": Look("centre, along a tree", "#88CC66", "d"),
     "pinocchio": Look("pinocchio, one process", "#AA4499", "^"),
     "serial": Look("serial O(n)", "#555555", "v"),
 }
@@ -246,8 +250,8 @@ def handle(shape: Look, line: Dashes = "-", hollow: bool = False, **more: Any) -
     return drawn
 
 
-def legends(figure: Figure, columns: Sequence[tuple[str, Sequence[Artist]]], height: float) -> None:
-    """Put titled groups of a legend side by side under the panels.
+def legends(figure: Figure, columns: Sequence[tuple[str, Sequence[Artist]]]) -> None:
+    """Put titled groups of a legend side by side under the panels, which keep their height: the figure grows.
 
     Parameters
     ----------
@@ -255,9 +259,9 @@ def legends(figure: Figure, columns: Sequence[tuple[str, Sequence[Artist]]], hei
         Whose panels make room.
     columns : sequence of (title, handles)
         The groups; an empty one is left out.
-    height : float
-        Inches they need.
     """
+    height = 0.3 + 0.17 * max(len(handles) for _, handles in columns)
+    figure.set_figheight(figure.get_figheight() + height)
     share = height / figure.get_figheight()
     figure.get_layout_engine().set(rect=(0, share, 1, 1 - share))  # type: ignore[union-attr,call-arg]
     drawn = []

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
 from mp2a.exceptions import InputError
+from mp2a.network import EmulatedNetwork
 from mp2a.plot.style import (
     FAINT,
     INK,
@@ -65,7 +66,7 @@ def runs(results: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     Returns
     -------
     list of mapping
-        By rising n; of several runs of one n the last.
+        By rising n; of several runs of one n the last. Only those over the network of the last run.
     """
     found = results.get("runs") if isinstance(results, Mapping) else None
     if not isinstance(found, list) or not found:
@@ -74,7 +75,8 @@ def runs(results: Mapping[str, Any]) -> list[Mapping[str, Any]]:
         n = run.get("n") if isinstance(run, Mapping) else None
         if not isinstance(n, int) or n < 1:
             raise InputError(f"results: got a run with n = {n!r}, expected a whole number of robots, at least 1")
-    return [run for _, run in sorted({run["n"]: run for run in found}.items())]
+    alike = [run for run in found if run.get("emulated") == found[-1].get("emulated")]
+    return [run for _, run in sorted({run["n"]: run for run in alike}.items())]
 
 
 def series(results: Mapping[str, Any], source: str, contender: str, grain: str) -> Series:
@@ -171,9 +173,11 @@ def grain_title(results: Mapping[str, Any], grain: str) -> str:
     str
         For instance "2000 samples in each message".
     """
+    emulated = runs(results)[-1].get("emulated")
+    network = f",\nemulated network of {EmulatedNetwork(*emulated)}" if emulated else ""
     if grain == "single":
-        return "one sample at a time"
-    return f"{samples(results)} sample{'s' * (samples(results) > 1)} in each message"
+        return f"one sample at a time{network}"
+    return f"{samples(results)} sample{'s' * (samples(results) > 1)} in each message{network}"
 
 
 def hollow_note(results: Mapping[str, Any]) -> Artist | None:
@@ -247,7 +251,7 @@ def time_figure(results: Mapping[str, Any], period: float = 0.01) -> Figure:
     found = {source: contenders(results, source) for source in SOURCES}
     if not any(found.values()):
         raise InputError("results: got runs without a single time, expected measured, modelled or extrapolated times")
-    figure = canvas(9.6, 5.6)
+    figure = canvas(9.6, 4.4)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, grain in zip(panels, GRAINS, strict=True):
         _panel(axes, results, grain, period)
@@ -263,7 +267,7 @@ def time_figure(results: Mapping[str, Any], period: float = 0.01) -> Figure:
     marks = [handle(mark, "none", markersize=8, markeredgewidth=0) for mark in papers]
     real = handle(Look(f"real time at a control period of {period * 1e3:g} ms", FAINT, ""), "-.")
     note = hollow_note(results)
-    legends(figure, [*groups, ("for comparison", [*marks, real, *([note] if note else [])])], 1.15)
+    legends(figure, [*groups, ("for comparison", [*marks, real, *([note] if note else [])])])
     return figure
 
 

@@ -15,11 +15,19 @@ from matplotlib.patches import FancyArrowPatch, Patch
 from mp2a.exceptions import InputError
 from mp2a.plot.style import FAINT, INK, Dashes, Look, canvas, handle, legends, look, save, styled, target
 
-RECURRENCES = {"velocity": "#0072B2", "acceleration": "#E69F00", "force": "#009E73"}
+RECURRENCES = {
+    "velocity": "#0072B2",
+    "acceleration": "#E69F00",
+    "motion": "#0072B2",
+    "sweep": "#0072B2",
+    "force": "#009E73",
+}
 MOST_ROBOTS = 32  # with more, arrows and hatching would cover one another
 _SHAFTS: dict[str, tuple[Dashes, str]] = {
     "matrix+vector": ("-", "matrix and vector"),
     "vector": ((0, (3.5, 2)), "vector alone"),
+    "motion": ("-", "motion"),
+    "force": ((0, (3.5, 2)), "force"),
 }
 
 
@@ -164,7 +172,7 @@ def timeline_figure(trace: Mapping[str, Any]) -> Figure:
     zero = min([*(span.start for span in found), *(m.sent for m in sent)])
     end = max([*(span.start + span.length for span in found), *(m.arrived for m in sent)])
     unit, name = (1e3, "ms") if end - zero >= 1e3 else (1.0, "µs")
-    figure = canvas(9.6, 2.1 + (max(1.4, 0.42 * rows) if rows <= 10 else max(4.2, 0.21 * rows) if few else 5.2))
+    figure = canvas(9.6, 1.3 + (max(1.4, 0.42 * rows) if rows <= 10 else max(4.2, 0.21 * rows) if few else 5.2))
     axes = figure.subplots()
     for recurrence in shares(found):
         _bars(axes, [s for s in found if s.recurrence == recurrence], zero, unit, few)
@@ -182,7 +190,7 @@ def timeline_figure(trace: Mapping[str, Any]) -> Figure:
     axes.set_ylabel("robot")
     axes.set_xlabel(f"time since the first event ({name})")
     axes.set_title(_title(told, rows), loc="left")
-    legends(figure, _legend(found, sent, few), 0.82)
+    legends(figure, _legend(found, sent, few))
     return figure
 
 

@@ -1,0 +1,277 @@
+"""The compiled kernels give what numpy's versions give, and where they cannot be, numpy's versions do the work."""
+
+import fcntl
+import importlib.util
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import relative_error
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mp2a import kernels
+from mp2a.kernels import library
+
+COLUMNS = {"compose": (24, 24), "move": (28, 24), "force": (28, 6, 6), "carry": (24, 6)}
+BUILDS = importlib.util.find_spec("numba") is not None and shutil.which("cc") is not None
+
+seeds = st.integers(0, 2**32 - 1)
+names = st.sampled_from(sorted(COLUMNS))
+leads = st.one_of(
+    st.just(()),
+    st.integers(0, 40).map(lambda samples: (samples,)),
+    st.lists(st.integers(1, 9), min_size=1, max_size=3).map(tuple),
+)
+builds = pytest.mark.skipif(not BUILDS, reason="needs numba and a C compiler")
+
+REPORT = """
+import sys
+import numpy as np
+from mp2a import kernels
+x = np.ones((9, 24))
+assert np.array_equal(kernels.compose(x, x), kernels.numpy_version("compose")(x, x))
+assert not {"numba", "llvmlite"} & set(sys.modules)
+compiled, why = kernels.status()
+print(int(compiled), why)
+"""
+
+
+def arrays(name, lead, seed):
+    """Random inputs of a kernel."""
+    rng = np.random.default_rng(seed)
+    return [rng.normal(size=(*lead, columns)) for columns in COLUMNS[name]]
+
+
+def paths(count, samples, seed):
+    """Random path segments; composing wants them to have rotations."""
+    rng = np.random.default_rng(seed)
+    some = rng.normal(size=(count, samples, 24))
+    turn, _ = np.linalg.qr(rng.normal(size=(count, samples, 3, 3)))
+    some[..., :9] = (turn * np.linalg.det(turn)[..., None, None]).reshape(count, samples, 9)
+    return some
+
+
+def start(cache, code=REPORT, **environment):
+    """Start a process that has its cache in a directory and its temporary files beside it."""
+    scratch = cache.parent / "scratch"
+    scratch.mkdir(exist_ok=True)
+    inherited = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMI"))}
+    variables = inherited | {"XDG_CACHE_HOME": str(cache), "TMPDIR": str(scratch)} | environment
+    return subprocess.Popen([sys.executable, "-c", code], env=variables, stdout=subprocess.PIPE, text=True)
+
+
+def report(process):
+    """Return whether a started process has compiled kernels, and why."""
+    out, _ = process.communicate(timeout=120)
+    assert process.returncode == 0
+    compiled, _, why = out.strip().partition(" ")
+    return bool(int(compiled)), why
+
+
+@pytest.fixture(scope="module")
+def cache():
+    """Cache that two processes have filled at once."""
+    with tempfile.TemporaryDirectory() as folder:
+        cache = Path(folder) / "cache"
+        for compiled, why in [report(process) for process in (start(cache), start(cache))]:
+            assert compiled, why
+            assert Path(why).is_relative_to(cache)
+        assert not list(cache.glob("mp2a/building-*"))
+        yield cache
+
+
+@pytest.fixture
+def copy(cache, tmp_path):
+    """Copy of that cache, to be spoiled."""
+    return Path(shutil.copytree(cache, tmp_path / "cache"))
+
+
+@builds
+def test_kernels_are_compiled_here():
+    assert kernels.load().compiled, kernels.status().why
+
+
+@given(name=names, lead=leads, seed=seeds)
+def test_equals_numpy(name, lead, seed):
+    inputs = arrays(name, lead, seed)
+    before = [array.copy() for array in inputs]
+    expected = kernels.numpy_version(name)(*inputs)
+    result = getattr(kernels, name)(*inputs)
+    assert result.shape == expected.shape
+    assert relative_error(result, expected) < 1e-14
+    out = np.full(expected.shape, np.nan)
+    assert getattr(kernels, name)(*inputs, out=out) is out
+    assert np.array_equal(out, result)
+    assert all(np.array_equal(a, b) for a, b in zip(inputs, before, strict=True))
+
+
+@given(name=names, samples=st.integers(1, 40), seed=seeds)
+def test_any_layout_of_the_inputs(name, samples, seed):
+    inputs = arrays(name, (3, samples), seed)
+    expected = kernels.numpy_version(name)(*inputs)
+    kernel = getattr(kernels, name)
+    strided = [np.asfortranarray(array) for array in inputs]
+    assert relative_error(kernel(*strided), expected) < 1e-14
+    every_other = np.zeros((3, 2 * samples, expected.shape[-1]))
+    kernel(*inputs, out=every_other[:, ::2])
+    assert relative_error(every_other[:, ::2], expected) < 1e-14
+    assert not every_other[:, 1::2].any()
+    shifted = []
+    for array in inputs:  # numbers that start at an odd address
+        raw = np.empty(array.nbytes + 1, np.uint8)[1:].view(np.float64).reshape(array.shape)
+        raw[...] = array
+        raw.flags.writeable = False
+        shifted.append(raw)
+    assert np.array_equal(kernel(*shifted), kernel(*inputs))
+    few = [inputs[0][:1], *inputs[1:]]
+    assert relative_error(kernel(*few), kernels.numpy_version(name)(*few)) < 1e-14
+
+
+@given(name=names, samples=st.integers(1, 40), seed=seeds)
+def test_result_may_replace_an_input(name, samples, seed):
+    inputs = arrays(name, (samples,), seed)
+    expected = getattr(kernels, name)(*inputs)
+    replaced = next(array for array in inputs if array.shape == expected.shape)
+    getattr(kernels, name)(*inputs, out=replaced)
+    assert np.array_equal(replaced, expected)
+
+
+@given(samples=st.integers(1, 40), seed=seeds)
+def test_paths_are_associative(samples, seed):
+    x, y, z = paths(3, samples, seed)
+    left = kernels.compose(kernels.compose(x, y), z)
+    assert relative_error(left, kernels.compose(x, kernels.compose(y, z))) < 1e-13
+
+
+@given(samples=st.integers(1, 40), seed=seeds)
+def test_move_across_two_paths(samples, seed):
+    segment = np.random.default_rng(seed).normal(size=(samples, 28))
+    upper, lower = paths(2, samples, seed)
+    one_by_one = kernels.move(kernels.move(segment, lower), upper)
+    assert relative_error(one_by_one, kernels.move(segment, kernels.compose(upper, lower))) < 1e-13
+
+
+@given(name=names, samples=st.integers(1, 40), data=st.data(), seed=seeds)
+def test_what_is_not_finite_stays_in_its_sample(name, samples, data, seed):
+    inputs = arrays(name, (samples,), seed)
+    clean = getattr(kernels, name)(*inputs)
+    bad = data.draw(st.integers(0, samples - 1))
+    number = data.draw(st.sampled_from((np.nan, np.inf, -np.inf)))
+    which = data.draw(st.integers(0, len(inputs) - 1))
+    inputs[which][bad] = number
+    result = getattr(kernels, name)(*inputs)
+    others = np.arange(samples) != bad
+    assert np.array_equal(result[others], clean[others])
+    # Not a number where numpy's version gives none; where infinities meet, order decides what they give.
+    with np.errstate(invalid="ignore"):
+        expected = kernels.numpy_version(name)(*inputs)
+    if np.isnan(number):
+        assert np.array_equal(np.isnan(result), np.isnan(expected))
+        assert np.isnan(result[bad]).any()
+    assert np.array_equal(np.isfinite(result), np.isfinite(expected))
+
+
+@pytest.mark.parametrize("name", COLUMNS)
+def test_wrong_shapes_are_refused(name):
+    inputs = arrays(name, (5,), 0)
+    kernel = getattr(kernels, name)
+    with pytest.raises(ValueError, match="numbers, not shape"):
+        kernel(inputs[0][:, :-1], *inputs[1:])
+    with pytest.raises(ValueError, match="numbers, not shape"):
+        kernel(np.float64(1.0), *inputs[1:])
+    with pytest.raises(ValueError, match="broadcast"):
+        kernel(inputs[0][:3], *inputs[1:])
+    with pytest.raises(ValueError, match="out must have shape"):
+        kernel(*inputs, out=np.empty((4, kernel(*inputs).shape[-1])))
+
+
+@builds
+def test_machine_code_has_vector_instructions():
+    import llvmlite.binding as llvm
+
+    features = llvm.get_host_cpu_features()
+    if not (features.get("avx2") and features.get("fma")):
+        pytest.skip("this processor has other instructions")
+    wide = "zmm" if features.get("avx512f") else "ymm"
+    _, assembly = library.machine_code()
+    bodies = re.split(r"\.type\s+\S+,@function", assembly)[1:]
+    fused = [len(re.findall(rf"vfn?m(?:add|sub)\d+pd.*%?{wide}", body)) for body in bodies]
+    # carry fuses 15 operations, and the others more.
+    assert sum(count >= 15 for count in fused) == len(COLUMNS)
+
+
+@builds
+def test_ranks_load_without_numba(cache):
+    compiled, why = report(start(cache, OMPI_COMM_WORLD_RANK="0"))
+    assert compiled
+    assert Path(why).is_relative_to(cache)
+
+
+@builds
+def test_other_processor_gets_its_own(cache):
+    code = "from mp2a.kernels import library; library._processor = lambda: 'another'; print(0, library._purpose())"
+    _, purpose = report(start(cache, code))
+    assert not list(cache.glob(f"mp2a/*{purpose}*"))
+
+
+@builds
+def test_damaged_file_is_built_again(copy):
+    (whole,) = copy.glob("mp2a/*.so")
+    whole.write_bytes(whole.read_bytes()[:5000])
+    compiled, why = report(start(copy))
+    assert compiled
+    assert Path(why).stat().st_size > 5000
+
+
+@builds
+def test_cache_that_cannot_be_written(tmp_path):
+    (tmp_path / "cache").write_text("a file where the directory should be")
+    compiled, why = report(start(tmp_path / "cache"))
+    assert compiled
+    assert Path(why).is_relative_to(tmp_path / "scratch")
+    # Others must not be able to put something there.
+    Path(why).parent.chmod(0o777)
+    compiled, why = report(start(tmp_path / "cache", OMPI_COMM_WORLD_RANK="0"))
+    assert not compiled
+    assert "own" in why
+
+
+@builds
+def test_without_a_linker(tmp_path, cache):
+    bare = {"PATH": str(tmp_path), "CC": ""}
+    compiled, why = report(start(tmp_path / "cache", **bare))
+    assert not compiled
+    assert "cc" in why
+    # What is there already needs none.
+    assert report(start(cache, **bare))[0]
+    # A rank takes the earlier failure's word, a launcher does not.
+    rank = {"OMPI_COMM_WORLD_RANK": "0"}
+    assert report(start(tmp_path / "cache", **rank)) == (False, why)
+    assert report(start(tmp_path / "cache", REPORT.replace("x = ", "kernels.build(); x = "), **rank))[0]
+    assert report(start(tmp_path / "cache", **rank))[0]
+
+
+def test_without_numba(tmp_path):
+    code = "import sys; sys.modules['numba'] = None\n" + REPORT.replace('{"numba", "llvmlite"}', "{'llvmlite'}")
+    compiled, why = report(start(tmp_path / "cache", code))
+    assert not compiled
+    assert "numba" in why
+
+
+def test_rank_does_not_wait_for_long(tmp_path):
+    code = "from mp2a.kernels import library; library.RANK_WAIT = 0.2; print(0, f'kernels-{library._purpose()}')"
+    _, stem = report(start(tmp_path / "cache", code))
+    (tmp_path / "cache" / "mp2a").mkdir(parents=True, mode=0o700)
+    with (tmp_path / "cache" / "mp2a" / f"{stem}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        code = "from mp2a.kernels import library; library.RANK_WAIT = 0.2\n" + REPORT
+        compiled, why = report(start(tmp_path / "cache", code, PMIX_RANK="3"))
+    assert not compiled
+    assert "another process" in why
