@@ -336,12 +336,12 @@ class Chain:
 
     @classmethod
     def from_urdf(cls, path: str | Path) -> "Chain":
-        """Read the serial chain of a URDF file, fixed joints merged, coordinates in pinocchio's order.
+        """Read the chain or tree of a URDF file, fixed joints merged, coordinates in pinocchio's order.
 
         Raises
         ------
         InputError
-            If the file cannot be read, branches, or has a joint type mp2a does not know.
+            If the file cannot be read or has a joint type mp2a does not know.
         """
         from mp2a.readers.urdf import read_urdf
 

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from mp2a import Chain, InputError
 from mp2a.leaf import check_state
 from mp2a.methods import METHODS
-from mp2a.schedule import SCHEDULES, kogge_stone, relay, rounds_needed
+from mp2a.methods.cost import cost
+from mp2a.schedule import FORCE, MOTION, SCHEDULES, compact, kogge_stone, relay, rounds_needed, sweep
 from mp2a.segments.affine import DOUBLES, MATRIX_AND_VECTOR, VECTOR
 from mp2a.transport.local import LocalTransport
 
@@ -125,21 +126,115 @@ def test_relay_passes_through_every_robot_and_back(n):
     assert (count.rounds, count.total, count.doubles) == (2 * (n - 1), 2 * (n - 1), 18 * (n - 1))
 
 
-@given(n=st.integers(1, 40), samples=st.integers(1, 4))
-def test_local_transport_carries_what_the_schedule_counts(n, samples):
-    chain = Chain.random(n, joints=ALL_JOINTS)
+@pytest.mark.parametrize("name", METHODS)
+@given(n=st.integers(1, 40), samples=st.integers(1, 4), branching=st.integers(1, 3))
+def test_local_transport_carries_what_the_schedule_and_the_cost_model_count(name, n, samples, branching):
+    chain = Chain.random(n, joints=ALL_JOINTS, branching=1 if name == "kogge-stone" else branching)
     forces, gravity = random_load(chain, samples)
-    method, transport = METHODS["kogge-stone"], LocalTransport(n)
+    method, transport = METHODS[name], LocalTransport(n)
     state = check_state(chain, *chain.random_state(samples), forces)
-    schedule = method.schedule(n)
+    schedule = method.schedule(chain.parents)
     method.solve(chain, state, gravity, schedule, transport)
-    count = schedule.count(DOUBLES)
+    count = schedule.count(method.doubles)
     assert (transport.messages, transport.doubles) == (count.total, samples * count.doubles)
+    modelled = cost(name, chain.parents, samples, latency=0.01, bandwidth=1e9)
+    assert modelled[:3] == (len(schedule.rounds), transport.messages, 8 * transport.doubles)
+    assert modelled.seconds >= 0.01 * modelled.rounds
+
+
+def parents_of(n, seed, branching):
+    return Chain.random(n, seed, branching=branching).parents
+
+
+def depth(parents):
+    levels = np.zeros(len(parents), dtype=int)
+    for i, parent in enumerate(parents):
+        levels[i] = 1 + (levels[parent] if parent >= 0 else 0)
+    return int(levels.max())
+
+
+@given(n=st.integers(1, 60), seed=st.integers(0, 999), branching=st.integers(1, 8))
+def test_doubling_over_parents_brings_everybody_all_above_and_all_below(n, seed, branching):
+    """Data flow on trees: paths grow to the base, loads to the whole subtree, nobody is counted twice."""
+    parents = parents_of(n, seed, branching)
+    above = [{i} for i in range(n)]
+    below = [[i] for i in range(n)]
+    up = parents.copy()
+    schedule = sweep(parents)
+    assert len(schedule.rounds) == math.ceil(math.log2(depth(parents)))
+    for round_ in schedule.rounds:
+        (_, source, target), (_, child, ancestor) = round_.transfers
+        assert (source == up[target]).all()
+        assert (ancestor == up[child]).all()
+        paths_before, loads_before = [set(x) for x in above], [list(x) for x in below]
+        for s, t in zip(source, target, strict=True):
+            above[t] |= paths_before[s]
+        for c, a in zip(child, ancestor, strict=True):
+            below[a] += loads_before[c]
+        up = np.where(up >= 0, up[up], -1)
+    for i in range(n):
+        line = {i}
+        while parents[i] >= 0 and min(line) != -1:
+            top = parents[min(line)]
+            if top < 0:
+                break
+            line.add(int(top))
+        assert above[i] == line
+    for i in range(n):
+        assert sorted(below[i]) == [j for j in range(n) if i in above[j]]
+
+
+@given(n=st.integers(1, 60), seed=st.integers(0, 999), branching=st.integers(1, 4))
+def test_compact_is_the_sweep_one_direction_after_the_other(n, seed, branching):
+    parents = parents_of(n, seed, branching)
+    one, two = sweep(parents), compact(parents)
+    assert len(two.rounds) == 2 * len(one.rounds)
+    for k, round_ in enumerate(one.rounds):
+        out, back = round_.transfers
+        assert (out.kind, back.kind) == (MOTION, FORCE)
+        for mine, theirs in ((out, two.recurrence("motion")[k]), (back, two.recurrence("force")[k])):
+            assert all(np.array_equal(a, b) for a, b in zip(mine, theirs.transfers[0], strict=True))
+
+
+def test_counts_at_512():
+    """Numbers of one rank at most, and rounds: design figures of the three methods."""
+    most = {"kogge-stone": (27, 3 * 9 * 42), "compact": (18, 9 * (24 + 6)), "sweep": (9, 9 * (24 + 28))}
+    for name, (rounds, doubles) in most.items():
+        schedule = METHODS[name].schedule(512)
+        sent = np.zeros(512, dtype=int)
+        for round_ in schedule.rounds:
+            for kind, source, _ in round_.transfers:
+                np.add.at(sent, source, METHODS[name].doubles[kind])
+        assert len(schedule.rounds) == rounds
+        assert sent.max() <= doubles
+
+
+def ranks_that_know(schedule, samples, broken):
+    """Which ranks have noticed by the end that one is broken, or that their numbers of samples differ."""
+    sound = ~broken
+    for round_ in schedule.rounds:
+        before = sound.copy()
+        for _, source, target in round_.transfers:
+            misfit = ~before[source] | (samples[source] != samples[target])
+            np.logical_and.at(sound, target, ~misfit)
+    return ~sound
+
+
+@pytest.mark.parametrize("name", METHODS)
+@given(n=st.integers(2, 40), data=st.data())
+def test_along_a_chain_every_rank_learns_of_a_wrong_one(name, n, data):
+    """What the MPI transport relies on when it sends no extra message to agree that all is well."""
+    schedule = METHODS[name].schedule(n)
+    broken = np.zeros(n, dtype=bool)
+    broken[data.draw(st.integers(0, n - 1))] = True
+    assert ranks_that_know(schedule, np.ones(n), broken).all()
+    samples = np.array(data.draw(st.lists(st.integers(1, 3), min_size=n, max_size=n)))
+    assert ranks_that_know(schedule, samples, np.zeros(n, dtype=bool)).all() == (len(set(samples)) > 1)
 
 
 @pytest.mark.parametrize("name", SCHEDULES)
 def test_no_robots_no_schedule(name):
     for n in (0, -3):
-        with pytest.raises(InputError, match=f"n: got {n}, expected at least 1"):
+        with pytest.raises(InputError, match=f"n: got {n}, expected a whole number of at least 1"):
             SCHEDULES[name](n)
     assert SCHEDULES[name](1).rounds == ()

@@ -1,11 +1,14 @@
-"""Pieces of chain form a monoid, and joining them in a buffer is composing them."""
+"""Pieces of chain form a monoid, and what they do to a force is what the bodies in them do together."""
 
 import numpy as np
-from helpers import relative_error
+from helpers import ALL_JOINTS, relative_error
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mp2a.segments import affine
+from mp2a import Chain
+from mp2a.leaf import check_state, joint_motion
+from mp2a.segments import affine, load, motion
+from mp2a.spatial import body_force, force_to_parent, motion_to_child, spatial_to_classical
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -93,3 +96,87 @@ def test_messages_have_the_papers_sizes(nodes, samples):
     assert {kind: box.shape for kind, box in outbox.items()} == {
         kind: (nodes, numbers * samples) for kind, numbers in affine.DOUBLES.items()
     }
+
+
+def paths(seed, *lead):
+    """Random motion across joints, with true rotations."""
+    chain = Chain.random(max(int(np.prod(lead)), 1), seed, ALL_JOINTS)
+    joints = joint_motion(chain, check_state(chain, *chain.random_state(1, seed), None))
+    segment = motion.leaf(joints).reshape(*lead, motion.DOUBLES)
+    segment[..., 12:] = np.random.default_rng(seed).normal(size=(*lead, 12))
+    return segment
+
+
+def bodies(seed, *lead):
+    """Random single bodies, as loads."""
+    chain = Chain.random(max(int(np.prod(lead)), 1), seed)
+    forces = np.random.default_rng(seed).normal(size=(len(chain), 1, 6))
+    out = load.leaf(chain.masses, chain.coms, chain.origin_inertias, forces, 1)
+    return out.reshape(*lead, load.DOUBLES)
+
+
+def carried_on(path, velocity, acceleration):
+    """Motion of the body at a path's lower end for that of the upper one."""
+    across = motion.view(path)
+    between = motion_to_child(across.rotation, across.translation, velocity)
+    turned = motion_to_child(across.rotation, across.translation, acceleration)
+    turning = motion.motion_cross(between, across.velocity)
+    return between + across.velocity, turned + across.acceleration + turning
+
+
+@given(seeds)
+def test_paths_compose_associatively(seed):
+    x, y, z = paths(seed, 3, 2)
+    left = motion.compose(motion.compose(x, y), z)
+    right = motion.compose(x, motion.compose(y, z))
+    assert relative_error(left, right) < 1e-13
+
+
+@given(seeds)
+def test_a_composed_path_is_one_path_after_the_other(seed):
+    upper, lower = paths(seed, 2, 3)
+    start = np.random.default_rng(seed).normal(size=(2, 3, 6))
+    ends = carried_on(lower, *carried_on(upper, *start))
+    for ours, theirs in zip(carried_on(motion.compose(upper, lower), *start), ends, strict=True):
+        assert relative_error(ours, theirs) < 1e-13
+
+
+def test_a_path_of_no_length_changes_nothing():
+    some = paths(1, 3)
+    still = np.zeros(motion.DOUBLES)
+    motion.view(still).rotation[:] = np.eye(3)
+    for both in (motion.compose(some, still), motion.compose(still, some)):
+        assert np.array_equal(both, some)
+
+
+@given(seeds)
+def test_a_single_bodys_load_is_the_force_that_moves_it(seed):
+    chain = Chain.random(4, seed)
+    velocity, acceleration = np.random.default_rng(seed).normal(size=(2, 4, 1, 6))
+    segment = load.leaf(chain.masses, chain.coms, chain.origin_inertias, None, 1)
+    mass, com = chain.masses[:, None], chain.coms[:, None]
+    classical = spatial_to_classical(acceleration, velocity)
+    expected = body_force(mass, com, chain.origin_inertias[:, None], velocity, classical)
+    assert relative_error(load.force(segment, velocity, acceleration), expected) < 1e-13
+
+
+@given(seeds)
+def test_a_moved_load_presses_as_it_does_at_its_place(seed):
+    """Whatever the upper body does: the force of the load at its own place, carried back across the path."""
+    path, segment = paths(seed, 3), bodies(seed, 3)
+    segment = segment + load.move(bodies(seed + 1, 3), paths(seed + 1, 3))  # of bodies that move against each other
+    upper = np.random.default_rng(seed).normal(size=(2, 3, 6))
+    across = motion.view(path)
+    at_place = load.force(segment, *carried_on(path, *upper))
+    expected = force_to_parent(across.rotation, across.translation, at_place)
+    assert relative_error(load.force(load.move(segment, path), *upper), expected) < 1e-12
+
+
+@given(seeds)
+def test_moving_goes_along_with_composing_and_adding(seed):
+    upper, lower = paths(seed, 2, 3)
+    one, two = bodies(seed, 2, 3)
+    step_by_step = load.move(load.move(one, lower), upper)
+    assert relative_error(load.move(one, motion.compose(upper, lower)), step_by_step) < 1e-12
+    together = load.move(one + two, lower)
+    assert relative_error(load.move(one, lower) + load.move(two, lower), together) < 1e-13

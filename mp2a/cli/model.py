@@ -1,9 +1,12 @@
 """``mp2a model``: the paper's cost model."""
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mp2a.cli.options import WIDTH, add_network, command, positive, ranks
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 
 def add(commands: Any) -> None:
@@ -51,4 +54,27 @@ def _model(options: argparse.Namespace) -> None:
             )
     console = Console(width=WIDTH)
     console.print(out)
+    console.print(_methods(options))
     console.print("counts: 'true' is what recursive doubling sends; 'table I' as the paper prints it.", highlight=False)
+
+
+def _methods(options: argparse.Namespace) -> "Table":
+    """Build the table of the library's methods, of which messages of a round are in flight together."""
+    from rich import box
+    from rich.table import Table
+
+    from mp2a.methods import METHODS
+    from mp2a.methods.cost import cost
+
+    out = Table(
+        title=f"modelled: {options.samples} samples in each message, messages of a round in flight together",
+        box=box.SIMPLE,
+        title_justify="left",
+    )
+    for heading in ("n", "method", "rounds", "messages", "bytes", "time, s"):
+        out.add_column(heading, justify="left" if heading == "method" else "right")
+    for n in options.n:
+        for name in METHODS:
+            costs = cost(name, n, options.samples, options.latency, options.speed)
+            out.add_row(str(n), name, *(str(x) for x in costs[:3]), f"{costs.seconds:.4g}")
+    return out

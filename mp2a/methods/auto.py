@@ -1,9 +1,11 @@
 """Which method to take, from the size of its messages and what the network and the robots' arithmetic cost."""
 
+from contextlib import suppress
 from typing import NamedTuple
 
 from mp2a.exceptions import InputError
 from mp2a.methods import METHODS
+from mp2a.methods.cost import cost
 from mp2a.schedule import Formation
 
 AUTO = "auto"
@@ -27,10 +29,7 @@ class Choice(NamedTuple):
 
 
 def choose(formation: Formation, samples: int, latency: float, bandwidth: float) -> Choice:
-    """Choose the method that needs the least time for a call, as modelled.
-
-    A round takes the latency, its largest message's time on the wire (both directions are in flight together) and the
-    robot's arithmetic; rounds follow one another.
+    """Choose the method that needs the least time for a call, as `mp2a.methods.cost` models it.
 
     Parameters
     ----------
@@ -42,15 +41,7 @@ def choose(formation: Formation, samples: int, latency: float, bandwidth: float)
         Of the network, s and bit/s.
     """
     seconds = {}
-    for name, method in METHODS.items():
-        try:
-            schedule = method.schedule(formation)
-        except InputError:
-            continue  # not for this formation
-        total = 0.0
-        for round_ in schedule.rounds:
-            largest = max(method.doubles[kind] for kind, _, _ in round_.transfers)
-            total += latency + 64 * largest * samples / bandwidth
-        total += sum(method.work.seconds(samples) for _ in schedule.rounds)
-        seconds[name] = total
+    for name in METHODS:
+        with suppress(InputError):  # not for this formation
+            seconds[name] = cost(name, formation, samples, latency, bandwidth).seconds
     return Choice(min(seconds, key=lambda name: seconds[name]), seconds, latency, bandwidth)

@@ -4,8 +4,6 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import numpy as np
-
 from mp2a.exceptions import InputError
 
 
@@ -27,12 +25,4 @@ def read_urdf(path: str | Path) -> dict[str, Any]:
         model = pinocchio.buildModelFromUrdf(str(file))
     except (ValueError, RuntimeError) as error:
         raise InputError(f"path: {path} cannot be read as URDF ({error})") from error
-    fields = from_model(model)
-    branches = np.flatnonzero(fields["parents"] != np.arange(len(fields["parents"])) - 1)
-    if branches.size:
-        body = int(branches[0])
-        raise InputError(
-            f"path: {path} branches at joint {fields['names'][body]!r}, expected a serial chain "
-            "(one moving joint after another)"
-        )
-    return fields
+    return from_model(model)
