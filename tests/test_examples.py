@@ -25,10 +25,10 @@ def test_example(example):
     assert len(done.stdout.splitlines()) >= 3
 
 
-def test_tutorial():
-    text = (ROOT / "docs" / "tutorial.md").read_text()
-    blocks = re.findall(r"```python\n(.*?)```", text, flags=re.S)
-    assert len(blocks) > 5
+@pytest.mark.parametrize("page", ["docs/tutorial.md", "README.md"])
+def test_python_of_a_page(page):
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), flags=re.S)
+    assert blocks
     subprocess.run([sys.executable, "-c", "\n".join(blocks)], check=True, timeout=120, stdout=subprocess.DEVNULL)
 
 

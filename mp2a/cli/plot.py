@@ -19,7 +19,7 @@ def add(commands: Any) -> None:
         "  mp2a plot speedup results/bench.json --against pinocchio --out speedup.pdf\n"
         "  mp2a plot timeline results/trace.json",
     )
-    parser.add_argument("picture", choices=("time", "speedup", "timeline"))
+    parser.add_argument("picture", choices=("time", "speedup", "latency", "timeline"))
     parser.add_argument("file", type=Path, help="a results file of mp2a bench, or a trace file of mp2a trace")
     parser.add_argument("--out", type=Path, help="picture to write (default: beside the file)")
     parser.add_argument(
@@ -41,6 +41,8 @@ def _plot(options: argparse.Namespace) -> None:
         except (OSError, ValueError) as error:
             raise InputError(f"file: {options.file} cannot be read as a trace ({error})") from error
         written = plot.timeline(trace, out)
+    elif options.picture == "latency":
+        written = plot.latency(results.load(options.file), out)
     elif options.picture == "time":
         written = plot.time(results.load(options.file), out, period=options.period)
     else:

@@ -1,7 +1,8 @@
 """Pictures of what the benchmarks and the trace recorder wrote: the paper's figures 9, 10 and 12 for this machine."""
 
+from mp2a.plot.latency import latency
 from mp2a.plot.speedup import speedup
 from mp2a.plot.time import time
 from mp2a.plot.timeline import timeline
 
-__all__ = ["speedup", "time", "timeline"]
+__all__ = ["latency", "speedup", "time", "timeline"]
