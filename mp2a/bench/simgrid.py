@@ -1,4 +1,4 @@
-"""Formations larger than any machine at hand: a schedule and measured compute costs, replayed by SimGrid. All simulated.
+"""Formations larger than any machine at hand: a schedule and compute costs, replayed by SimGrid; all times simulated.
 
 A *program* is what all ranks do, as plain data: phases in order, each rank going through those it is in. A phase is
 computing (`Compute`) or messages in flight together (`Exchange`), after which a rank waits for its own, as a robot does
@@ -6,6 +6,8 @@ between two rounds. Programs come from a schedule (`follow`) or are the centre's
 
 A program becomes the text of a replay, a line an action, which SimGrid's SMPI carries out on a platform of one host a
 robot. Its correction factors are off (`NEUTRAL`), so that a network is its latency, its bandwidth and who shares them.
+A message leaves once its receiver has asked for it; real small ones leave at once, and where ranks drift apart a round
+or two of a few robots come sooner than here. SMPI adds 16 bytes to every message, as an MPI adds an envelope.
 """
 
 import re
@@ -19,16 +21,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mp2a.bench.costs import Costs
+from mp2a.cores import available_memory
 from mp2a.exceptions import InputError, MissingError
-from mp2a.schedule import Schedule
+from mp2a.schedule import Round, Schedule
 
 Ranks = NDArray[np.intp]
 
 SPEED = 1e9
 """Flop/s of a simulated host: a second of computing is as many flops."""
-
-EAGER = 65536
-"""Bytes from which a message waits for its receiver to ask for it; smaller ones leave at once."""
 
 NEUTRAL = {
     "network/model": "CM02",  # the default, SMPI, bends latency and bandwidth as one cluster of 2013 had them
@@ -40,20 +41,22 @@ NEUTRAL = {
     "smpi/os": "0:0:0:0:0",  # no processor time a message
     "smpi/or": "0:0:0:0:0",
     "smpi/ois": "0:0:0:0:0",
-    "smpi/async-small-thresh": str(EAGER),  # eager below …
-    "smpi/send-is-detached-thresh": str(EAGER),  # … and rendezvous from here on, without a gap between the two
-    "smpi/simulate-computation": "no",  # only what the replay says, not what replaying takes
+    "smpi/async-small-thresh": "0",  # a message of any size leaves once both sides are ready, and …
+    "smpi/send-is-detached-thresh": "0",  # … its sender may see whether it has arrived
+    "smpi/cpu-threshold": "-1",  # what replaying takes is no part of what is replayed
     "smpi/host-speed": f"{SPEED:.0f}f",
 }
 """SimGrid's settings that would change what a latency or a bandwidth means, and what they are set to."""
 
 _LEAN = {
     "smpi/privatization": "no",  # a replay has no global variables to keep apart
-    "contexts/stack-size": "128",  # KiB; the default of 8 MiB is 0.5 TB for 65 536 ranks
+    "contexts/stack-size": "64",  # KiB, all of it touched; the default of 8 MiB is 0.5 TB for 65 536 ranks
     "contexts/guard-size": "0",  # a guard page a rank is more mappings than Linux allows a process
 }
+_RANK_BYTES = 110_000
+"""Memory of a simulated rank (measured: 81 kB with 65 536 ranks, of which 64 KiB are its stack)."""
 _TIME = re.compile(r"Simulated time: (\S+) seconds")
-_OPERATION = "2"  # of the datatypes a replay knows, the one of 1 byte
+_BYTE = "2"  # of the datatypes a replay knows, the one of 1 byte
 
 
 class Compute(NamedTuple):
@@ -81,17 +84,6 @@ class Exchange(NamedTuple):
 Phase = Compute | Exchange
 
 
-class Costs(NamedTuple):
-    """Seconds a robot computes, for all samples of a message."""
-
-    start: Mapping[str, float]
-    """Before the first round of a recurrence, by its name."""
-    arrival: Mapping[str, float]
-    """After a round of a recurrence in which something came, and before the next."""
-    end: float
-    """After all rounds."""
-
-
 class Network(NamedTuple):
     """What lies between the robots."""
 
@@ -109,7 +101,7 @@ NETWORKS = {
     "infiniband": Network("InfiniBand-like cluster", 1.5e-6, 100e9, "duplex"),
     "ethernet": Network("gigabit Ethernet", 50e-6, 1e9, "duplex"),
     "radio": Network("slow radio mesh", 5e-3, 6e6, "half duplex"),
-    "channel": Network("slow radio, one channel for all", 5e-3, 6e6, "channel"),
+    "channel": Network("radio, one channel for all", 5e-3, 6e6, "channel"),
 }
 """Networks by name. Everybody reaches everybody in one hop."""
 
@@ -132,13 +124,14 @@ def follow(schedule: Schedule, doubles: Mapping[str, int], samples: int, costs: 
         What a robot computes in between.
     """
     everybody = np.arange(schedule.nodes)
-    recurrence = None
+    before: Round | None = None
     for round_ in schedule.rounds:
-        if round_.recurrence != recurrence:
-            recurrence = round_.recurrence
-            yield Compute(everybody, costs.start[recurrence])
+        if before is not None and before.recurrence == round_.recurrence:
+            yield Compute(_union([target for _, _, target in before.transfers]), costs.between[round_.recurrence])
+        else:
+            yield Compute(everybody, costs.start[round_.recurrence])
         yield Exchange(tuple(Flow(s, t, 8 * doubles[kind] * samples) for kind, s, t in round_.transfers))
-        yield Compute(_union([t for _, _, t in round_.transfers]), costs.arrival[recurrence])
+        before = round_
     yield Compute(everybody, costs.end)
 
 
@@ -168,20 +161,35 @@ def gather_and_scatter(n: int, doubles: tuple[int, int], samples: int, seconds: 
 def replay(n: int, program: Iterable[Phase]) -> Iterator[str]:
     """Text of a replay of n ranks, in pieces: one file for all, each line beginning with whose it is.
 
-    Lines are in the order of the phases, so that the simulator, which reads on until it finds a line of the rank it is
-    at, never has to keep more than about a phase.
+    In an exchange a rank waits for what it receives and for what it sent in the exchange before, as
+    `mp2a.transport.base.Transport` has it. Lines are in the order of the phases, so that the simulator, which reads on
+    until it finds a line of the rank it is at, hardly has to keep more than a phase.
     """
+    owed = [""] * n
+    tag = 0
     yield _lines(np.arange(n), "init")
     for phase in program:
         if isinstance(phase, Compute):
             if phase.seconds > 0:
                 yield _lines(phase.ranks, f"compute {phase.seconds * SPEED:.6g}")
             continue
-        for tag, (source, target, size) in enumerate(phase.flows):
-            pairs = zip(source.tolist(), target.tolist(), strict=True)
-            rest = f"{tag} {size} {_OPERATION}\n"
-            yield "".join([f"{s} isend {t} {rest}{t} irecv {s} {rest}" for s, t in pairs])
-        yield _lines(_union([side for flow in phase.flows for side in (flow.source, flow.target)]), "waitall")
+        posts, waits = [], []
+        sent: list[tuple[int, str]] = []
+        for flow in phase.flows:
+            tag += 1
+            rest = f"{tag} {flow.size} {_BYTE}\n"
+            for s, t in zip(flow.source.tolist(), flow.target.tolist(), strict=True):
+                posts.append(f"{t} irecv {s} {rest}{s} isend {t} {rest}")
+                waits.append(f"{t} wait {s} {t} {tag}\n")
+                sent.append((s, f"{s} wait {s} {t} {tag}\n"))
+        for rank in _union([side for flow in phase.flows for side in (flow.source, flow.target)]).tolist():
+            waits.append(owed[rank])
+            owed[rank] = ""
+        for rank, line in sent:
+            owed[rank] += line
+        yield "".join(posts)
+        yield "".join(waits)
+    yield "".join(owed)
     yield _lines(np.arange(n), "finalize")
 
 
@@ -224,7 +232,7 @@ def platform(network: Network, n: int) -> str:
 
 
 def simulate(network: Network, n: int, program: Iterable[Phase], limit: float | None = None) -> float:
-    """Simulated time from the start of the first rank to the end of the last, s.
+    """Simulate a program, and return the time from the start of the first rank to the end of the last, s.
 
     Parameters
     ----------
@@ -245,6 +253,9 @@ def simulate(network: Network, n: int, program: Iterable[Phase], limit: float | 
         If the simulator takes longer.
     """
     smpirun = find()
+    need, free = n * _RANK_BYTES, available_memory()
+    if free is not None and need > free:
+        raise MissingError(f"simulating {n} ranks takes {need / 1e9:.1f} GB and {free / 1e9:.1f} GB are free")
     with tempfile.TemporaryDirectory(prefix="mp2a-") as name:
         folder = Path(name)
         with (folder / "trace").open("w", encoding="ascii") as file:
@@ -270,7 +281,7 @@ def _run(smpirun: str, n: int, folder: Path, limit: float | None) -> float:
     files = ["-platform", "platform.xml", "-hostfile", "hosts", "-replay", "index"]
     settings = [f"--cfg={name}:{value}" for name, value in (NEUTRAL | _LEAN).items()]
     show = ["--cfg=smpi/display-timing:yes", "--log=root.thresh:warning", "--log=smpi_utils.thresh:info"]
-    command = [smpirun, "-quiet", "-np", str(n), *files, "-tmpdir", ".", *settings, *show]
+    command = [smpirun, "-quiet", "-np", str(n), *files, *settings, *show]
     process = subprocess.Popen(
         command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
     )
