@@ -271,7 +271,7 @@ def find() -> str:
     found = shutil.which("smpirun")
     if found is None:
         raise MissingError(
-            "smpirun: not found, and it simulates networks this machine does not have (SimGrid 3.32 or later); "
+            "smpirun: not found; it belongs to SimGrid (tested with 3.32), which simulates networks; "
             "on Debian and Ubuntu: apt-get install libsimgrid-dev"
         )
     return found

@@ -1,6 +1,7 @@
 """One run after another over numbers of ranks: start them, show how far they are, keep what they measured."""
 
 import json
+import subprocess
 import sys
 import tempfile
 import threading
@@ -15,6 +16,9 @@ from mp2a.bench import results
 from mp2a.bench.settings import ERROR, PROGRESS, STARTED, Settings
 from mp2a.cores import available_memory
 from mp2a.exceptions import MissingError
+
+_PRELOAD = ("mp2a.cli", "mp2a.bench.rank", "mp2a.bench.timeline")
+"""What ranks run, imported once for all of them where they share cores."""
 
 
 def sweep(
@@ -70,7 +74,15 @@ def child(arguments: Sequence[str], n: int, say: Callable[[str], None]) -> dict[
         program = [sys.executable, "-m", "mp2a", *arguments, "--out", str(out), "--quiet"]
         environment = {STARTED: repr(time.time())}
         say("starting the ranks")
-        process = launch.start(n, program, environment=environment, stdout=-1, stderr=-2, text=True)
+        process = launch.start(
+            n,
+            program,
+            environment=environment,
+            preload=_PRELOAD,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
         try:
             last = _follow(process.stdout or (), say)
             code = process.wait()

@@ -62,7 +62,7 @@ class MPILink:
 
     def finish(self, receiving: Receiving) -> bool:
         """See `Link`."""
-        return _arrived(self.comm, receiving, 0.0)
+        return _arrived(self.comm, receiving, None)
 
 
 class EmulatedLink:
@@ -127,7 +127,7 @@ def measure(link: Link, doubles: int, rounds: int) -> list[float]:
     return [] if rank else times
 
 
-def _arrived(comm: MPI.Intracomm, receiving: Receiving, longest_nap: float) -> bool:
+def _arrived(comm: MPI.Intracomm, receiving: Receiving, longest_nap: float | None) -> bool:
     """Wait for a request; False if a message with another tag came instead, which is taken off the line."""
     request, source = receiving.request, receiving.source
     status = MPI.Status()

@@ -1,0 +1,182 @@
+"""What a robot computes between its messages, measured here: each contender's own code, fed without any message."""
+
+import statistics
+import time
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, NamedTuple, cast
+
+import numpy as np
+
+from mp2a.chain import Chain
+from mp2a.leaf import check_state
+from mp2a.methods import METHODS
+from mp2a.schedule import Round, Schedule, Transfer
+from mp2a.spatial import GRAVITY, Array
+from mp2a.transport.base import Arrival
+from mp2a.transport.local import LocalTransport
+
+if TYPE_CHECKING:
+    from mp2a.transport.link import Link
+
+_ROBOTS = 64
+_BUDGET = 1.0
+_FEWEST, _MOST = 5, 2000
+
+
+class Costs(NamedTuple):
+    """Processor seconds of a robot in the middle of a formation, for all samples of a message."""
+
+    start: Mapping[str, float]
+    """Between the round before, or the beginning, and the first round of a recurrence, by its name."""
+    between: Mapping[str, float]
+    """From what came in a round to the next round of the same recurrence."""
+    end: float
+    """From what came in the last round to the end."""
+
+
+def method(name: str, samples: int, seed: int = 0) -> Costs:
+    """Measure a distributed method: its driver runs for one robot whose neighbours answer at once.
+
+    Parameters
+    ----------
+    name
+        One of `mp2a.methods.METHODS`.
+    samples
+        Samples in each message.
+    seed
+        Of the random chain and its motion.
+    """
+    chosen = METHODS[name]
+    chain = Chain.random(_ROBOTS, seed)
+    middle = _ROBOTS // 2
+    body = chain.body(middle)
+    state = check_state(body, *chain.random_state(samples, seed, body=middle), None)
+    schedule = as_seen_by(middle, chosen.schedule(_ROBOTS))
+    gravity = np.asarray(GRAVITY, dtype=float)
+
+    def once() -> list[float]:
+        watch = _Watch(1)
+        watch.marks.append(time.thread_time())
+        chosen.solve(body, state, gravity, schedule, watch)
+        watch.marks.append(time.thread_time())
+        return np.subtract(watch.marks[1::2], watch.marks[::2]).tolist()
+
+    return _sorted(schedule, _medians(once))
+
+
+def relay(samples: int, seed: int = 0) -> Costs:
+    """Measure the relay: what a robot does alone, and what each hop waits for.
+
+    Each is halved between the way out and the way back, which leaves a whole call as long as it is.
+    """
+    from mp2a.bench.relay import Relay
+
+    chain = Chain.random(3, seed)
+    robot = Relay(cast("Link", _Neighbours()), chain)
+    state = chain.random_state(samples, seed, body=1)
+
+    def once() -> list[float]:
+        robot.alone = robot.hopping = 0.0
+        robot.rnea(*state)
+        return [robot.alone, robot.hopping]
+
+    alone, hopping = (seconds / 2 for seconds in _medians(once))
+    return Costs({"motion": alone, "force": hopping + alone}, {"motion": hopping, "force": hopping}, hopping)
+
+
+def centre(samples: int, seed: int = 0) -> float:
+    """Measure what pinocchio takes for one robot of a chain and all samples, s.
+
+    Raises
+    ------
+    MissingError
+        If pinocchio does not fit in memory.
+    """
+    from mp2a.reference import Reference
+
+    chain = Chain.random(_ROBOTS, seed)
+    reference = Reference(chain)
+    state = chain.random_state(samples, seed)
+
+    def once() -> list[float]:
+        began = time.thread_time()
+        reference.torque(*state)
+        return [time.thread_time() - began]
+
+    return _medians(once)[0] / _ROBOTS
+
+
+def as_seen_by(robot: int, schedule: Schedule) -> Schedule:
+    """Schedule of one node that sends to itself all that a robot of a larger schedule would send or get."""
+    own = np.zeros(1, dtype=np.intp)
+    rounds = [
+        Round(r.recurrence, r.index, tuple(Transfer(kind, own, own) for kind, s, t in r.transfers if robot in (*s, *t)))
+        for r in schedule.rounds
+    ]
+    return Schedule(1, tuple(rounds))
+
+
+class _Watch(LocalTransport):
+    """Notes when the driver asks for a round and when it goes on."""
+
+    def __init__(self, nodes: int) -> None:
+        super().__init__(nodes)
+        self.marks: list[float] = []
+
+    def exchange(self, round_: Round, outbox: Mapping[str, Array]) -> list[Arrival]:
+        """Note the time before and after."""
+        self.marks.append(time.thread_time())
+        arrivals = super().exchange(round_, outbox)
+        self.marks.append(time.thread_time())
+        return arrivals
+
+
+class _Neighbours:
+    """Link of a robot in the middle of three, whose neighbours send zeros at once; also what it returns."""
+
+    def __init__(self) -> None:
+        self.comm = self
+
+    def Get_rank(self) -> int:
+        return 1
+
+    def Get_size(self) -> int:
+        return 3
+
+    def receive(self, into: Array, source: int, tag: int) -> "_Neighbours":
+        into.fill(0.0)
+        return self
+
+    def finish(self, receiving: object) -> bool:
+        return True
+
+    def send(self, data: Array, target: int, tag: int) -> "_Neighbours":
+        return self
+
+    def Test(self) -> bool:
+        return True
+
+    def Wait(self) -> None:
+        return
+
+
+def _medians(once: Callable[[], list[float]]) -> list[float]:
+    """Medians of what a run measures, over as many runs as fit the budget, after a first one for warming up."""
+    once()
+    runs: list[list[float]] = []
+    began = time.monotonic()
+    while len(runs) < _FEWEST or (len(runs) < _MOST and time.monotonic() - began < _BUDGET):
+        runs.append(once())
+    return [statistics.median(column) for column in zip(*runs, strict=True)]
+
+
+def _sorted(schedule: Schedule, gaps: list[float]) -> Costs:
+    """Sort the times before each round and after the last into costs."""
+    start: dict[str, float] = {}
+    between: dict[str, list[float]] = {}
+    for round_, gap in zip(schedule.rounds, gaps, strict=False):
+        if round_.recurrence in start:
+            between[round_.recurrence].append(gap)
+        else:
+            start[round_.recurrence], between[round_.recurrence] = gap, []
+    return Costs(start, {name: statistics.median(found) for name, found in between.items()}, gaps[-1])

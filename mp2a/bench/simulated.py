@@ -1,0 +1,139 @@
+"""Contenders on networks this machine does not have, up to 65 536 robots: every time in here is simulated."""
+
+import itertools
+import json
+import subprocess
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from mp2a.bench import costs
+from mp2a.bench.results import FORMAT, machine, write
+from mp2a.bench.simgrid import NETWORKS, NEUTRAL, Phase, find, follow, gather_and_scatter, simulate
+from mp2a.exceptions import InputError, MissingError
+from mp2a.methods import METHODS
+from mp2a.schedule import FORCE, MOTION, SCHEDULES
+
+CONTENDERS = ("relay", "centre", "kogge-stone", "compact", "sweep")
+RELAY_DOUBLES = {MOTION: 12, FORCE: 6}
+CENTRE_DOUBLES = (3, 1)
+"""q, q̇ and q̈ of a joint with one degree of freedom on the way in, its torque on the way out."""
+
+
+def contender(name: str, n: int, samples: int, seconds: Mapping[str, Any]) -> Iterator[Phase]:
+    """Program of a contender.
+
+    Parameters
+    ----------
+    name
+        One of `CONTENDERS`.
+    n
+        Number of robots.
+    samples
+        Samples in each message.
+    seconds
+        What they compute, as `measure` gives it.
+    """
+    if name == "centre":
+        return gather_and_scatter(n, CENTRE_DOUBLES, samples, seconds[name])
+    doubles = METHODS[name].doubles if name in METHODS else RELAY_DOUBLES
+    return follow(SCHEDULES[name](n), doubles, samples, costs.Costs(**seconds[name]))
+
+
+def measure(samples: int) -> dict[str, Any]:
+    """Measure on this machine what each contender computes: `Costs` as a dict; of the centre, seconds a robot."""
+    methods = {name: costs.method(name, samples)._asdict() for name in CONTENDERS if name in METHODS}
+    return {"relay": costs.relay(samples)._asdict(), "centre": costs.centre(samples), **methods}
+
+
+def sweep(
+    out: Path,
+    sizes: Sequence[int],
+    samples: Sequence[int],
+    networks: Sequence[str] = tuple(NETWORKS),
+    limit: float = 600.0,
+    seconds: Mapping[str, Any] | None = None,
+    say: Callable[[str], None] = lambda what: None,
+) -> dict[str, Any]:
+    """Simulate all contenders and keep each result as it comes; what the file holds is not simulated again.
+
+    Parameters
+    ----------
+    out
+        Results file, JSON.
+    sizes
+        Numbers of robots.
+    samples
+        Samples in each message.
+    networks
+        Names out of `NETWORKS`.
+    limit
+        Seconds of real time a simulation may take. After one that takes longer its contender is left out for more
+        robots on that network, and the file says so.
+    seconds
+        What contenders compute, by the number of samples (as text, for JSON) and then as `measure` gives it; measured
+        here where it is missing.
+    say
+        Called with what is being done.
+
+    Returns
+    -------
+    dict
+        What the file holds.
+    """
+    find()
+    held = load(out) if out.exists() else _empty()
+    if any(held["costs"].get(count, given) != given for count, given in (seconds or {}).items()):
+        raise InputError(f"seconds: differ from those {out} was simulated with, expected the same or another file")
+    held["costs"] |= seconds or {}
+    held["left_out"] = [m for m in held["left_out"] if m["network"] not in networks or m["samples"] not in samples]
+    held["networks"] |= {name: NETWORKS[name]._asdict() for name in networks}
+    for count, n, network, name in itertools.product(samples, sorted(sizes), networks, CONTENDERS):
+        where = {"network": network, "contender": name, "samples": count, "n": n}
+        if any(where.items() <= point.items() for point in held["points"]):
+            continue
+        if any(({**where, "n": m["n"]}).items() <= m.items() and m["n"] <= n for m in held["left_out"]):
+            continue
+        if str(count) not in held["costs"]:
+            say(f"costs of {count} samples")
+            held["costs"][str(count)] = measure(count)
+        say(f"{name}, {NETWORKS[network].label}, n = {n}, samples {count}")
+        began = time.monotonic()
+        try:
+            program = contender(name, n, count, held["costs"][str(count)])
+            simulated = simulate(NETWORKS[network], n, program, limit)
+            held["points"].append({**where, "seconds": simulated, "took": round(time.monotonic() - began, 2)})
+        except (TimeoutError, MissingError) as error:
+            held["left_out"].append({**where, "why": str(error)})
+        write(out, held)
+    return held
+
+
+def load(path: Path) -> dict[str, Any]:
+    """Read a file of simulated times.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is something else.
+    """
+    try:
+        held = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"file: {path} cannot be read ({error})") from error
+    if not isinstance(held, dict) or held.get("format") != FORMAT or not isinstance(held.get("points"), list):
+        raise InputError(f"file: {path} holds no simulated times of format {FORMAT}")
+    return held
+
+
+def _empty() -> dict[str, Any]:
+    return {
+        **{"format": FORMAT, "simulated": _version(), "settings": NEUTRAL, "machine": machine()},
+        **{"networks": {}, "costs": {}, "points": [], "left_out": []},
+    }
+
+
+def _version() -> str:
+    said = subprocess.run([find(), "-version"], capture_output=True, text=True, check=False).stdout
+    return said.strip().replace(" version", "") or "SimGrid"

@@ -1,0 +1,197 @@
+"""The process all ranks are forked from: ``python -m mp2a.launch.forked modules length mpirun … program …``.
+
+It imports mpi4py, numpy and the modules once, starts mpirun on stubs, and forks a rank for each stub that connects:
+with 512 ranks on two cores half the time and half the memory of 512 interpreters that import for themselves. A rank
+that ends is reported to its stub, and a stub that ends takes its rank with it, so that mpirun governs the ranks as if
+it had started them. Whoever is killed, all others end: ranks and mpirun when the server does (the kernel sees to it),
+stubs when their connection closes.
+"""
+
+import contextlib
+import gc
+import marshal
+import os
+import selectors
+import signal
+import socket
+import struct
+import sys
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NoReturn
+
+from mp2a.launch.rank import become, die_with
+
+_ALWAYS = ("mpi4py.MPI", "numpy")
+_BACKLOG = 4096
+_KILLED = 128
+_STANDARD = 3
+_HEADER = struct.Struct("Q")
+_PEER = struct.Struct("3i")
+_SIGNALS = signal.SIGCHLD, signal.SIGTERM
+
+
+def main(modules: str, length: str, *command: str) -> int:
+    """Preload and serve; returns mpirun's exit status.
+
+    Parameters
+    ----------
+    modules
+        What to import, separated by commas.
+    length
+        Of the program, at the end of the command.
+    *command
+        mpirun, its options and the program.
+    """
+    import mpi4py
+
+    mpi4py.rc.initialize = False  # a process that has initialised MPI may not fork
+    os.environ.pop("MPI4PY_RC_INITIALIZE", None)  # which would win
+    for name in (*_ALWAYS, *modules.split(",")):
+        import_module(name)
+    if len(list(Path("/proc/self/task").iterdir())) > 1:
+        # Threads are not forked, and what they held stays locked: every rank has to import for itself.
+        os.execv(command[0], command)
+    launcher, program = command[: -int(length)], command[-int(length) :]
+    return _Server(program).serve((*launcher, sys.executable, "-I", "-S", str(Path(__file__).with_name("stub.py"))))
+
+
+class _Server:
+    """Forks ranks, and tells stubs of the end of ranks and ranks of the end of stubs."""
+
+    def __init__(self, program: Sequence[str]) -> None:
+        self.program = program
+        self.process = os.getpid()
+        self.mpirun = 0
+        self.status: int | None = None
+        self.stubs: dict[int, socket.socket] = {}
+        """By the process of their rank."""
+        self.ranks: dict[Any, int] = {}
+        """By their stub."""
+        self.listener = socket.socket(socket.AF_UNIX)
+        # Signals come as bytes through a pipe, so that none interrupts anything.
+        self.bell, self.cord = os.pipe()
+        self.handlers = {number: signal.signal(number, lambda *_: None) for number in _SIGNALS}
+        self.selector = selectors.DefaultSelector()
+
+    def serve(self, command: tuple[str, ...]) -> int:
+        """Run mpirun to its end; returns its exit status."""
+        os.set_blocking(self.cord, False)
+        signal.set_wakeup_fd(self.cord)
+        self.listener.bind("")  # the kernel finds a name, which is in no file system, where it might be left
+        self.listener.listen(_BACKLOG)
+        self.selector.register(self.bell, selectors.EVENT_READ)
+        self.selector.register(self.listener, selectors.EVENT_READ)
+        sys.stdout.flush()  # or every rank would say it again
+        gc.collect()
+        gc.freeze()  # the collector would write to what ranks share, and so copy it
+        try:
+            self._start(command)
+            while self.status is None:
+                for key, _ in self.selector.select():
+                    if key.fileobj == self.bell:
+                        self._answer()
+                    elif key.fileobj is self.listener:
+                        self._admit()
+                    elif process := self.ranks.pop(key.fileobj, None):
+                        # A stub says nothing more: it has ended, and its rank has to.
+                        os.kill(process, signal.SIGKILL)
+                        self.selector.unregister(key.fileobj)
+        finally:
+            self._end()
+        return self.status
+
+    def _fork(self, child: Callable[[], NoReturn]) -> int:
+        """Fork a process in which nothing is left of the server; returns its number."""
+        process = os.fork()
+        if process:
+            return process
+        try:
+            signal.set_wakeup_fd(-1)
+            for number, handler in self.handlers.items():
+                signal.signal(number, handler)
+            self.selector.close()
+            for file in (self.listener, *self.stubs.values()):
+                file.close()
+            for end in (self.bell, self.cord):
+                os.close(end)
+            child()
+        except BaseException:
+            sys.excepthook(*sys.exc_info())
+        finally:
+            os._exit(1)
+
+    def _start(self, command: tuple[str, ...]) -> None:
+        """Start mpirun."""
+        environment = {**os.environb, b"MP2A_FORK_SERVER": self.listener.getsockname()[1:]}
+
+        def mpirun() -> NoReturn:
+            for number in (signal.SIGPIPE, signal.SIGXFSZ):  # which Python ignores
+                signal.signal(number, signal.SIG_DFL)
+            die_with(self.process, signal.SIGTERM)
+            os.execve(command[0], command, environment)
+
+        self.mpirun = self._fork(mpirun)
+
+    def _admit(self) -> None:
+        """Fork the rank of a stub that has connected."""
+        stub, _ = self.listener.accept()
+        _, user, _ = _PEER.unpack(stub.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size))
+        if user != os.geteuid():  # anyone on the machine can connect
+            stub.close()
+            return
+        header, descriptors, _, _ = socket.recv_fds(stub, _HEADER.size, _STANDARD)
+        data, size = b"", _HEADER.unpack(header)[0] if header else 0
+        while len(data) < size and (more := stub.recv(size - len(data))):
+            data += more
+        if not size or len(data) < size:
+            stub.close()  # killed already: mpirun knows
+            return
+        environment, folder = marshal.loads(data)
+
+        def rank() -> NoReturn:
+            stub.close()
+            become(self.process, environment, folder, descriptors, self.program)
+
+        process = self._fork(rank)
+        for descriptor in descriptors:
+            os.close(descriptor)
+        self.stubs[process], self.ranks[stub] = stub, process
+        self.selector.register(stub, selectors.EVENT_READ)
+
+    def _answer(self) -> None:
+        """Handle the signals that have come."""
+        if signal.SIGTERM in os.read(self.bell, _BACKLOG):
+            os.kill(self.mpirun, signal.SIGTERM)
+        while self.status is None:
+            process, status = os.waitpid(-1, os.WNOHANG)
+            if not process:
+                break
+            code = os.waitstatus_to_exitcode(status)
+            if process == self.mpirun:
+                self.status = code if code >= 0 else _KILLED - code
+            else:
+                self._rank_ended(process, code)
+
+    def _rank_ended(self, process: int, code: int) -> None:
+        """Have the stub of a rank end in the same way."""
+        stub = self.stubs.pop(process)
+        if self.ranks.pop(stub, None):
+            self.selector.unregister(stub)
+            with contextlib.suppress(OSError):  # ended meanwhile
+                stub.sendall(b"exit %d\n" % code if code >= 0 else b"kill %d $$; exit %d\n" % (code, _KILLED - code))
+        stub.close()
+
+    def _end(self) -> None:
+        """End mpirun, if something went wrong here, and the ranks of an mpirun that was killed."""
+        if self.status is None and self.mpirun:
+            os.kill(self.mpirun, signal.SIGTERM)
+        for process in self.stubs:
+            os.kill(process, signal.SIGKILL)
+        for process in self.stubs:
+            os.waitpid(process, 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

@@ -1,0 +1,143 @@
+"""Ranks as one process of this one: started, waited for and ended together."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from mp2a.cores import timer_slack, usable_cores
+from mp2a.launch.command import Launch, is_open_mpi, mpirun_command
+
+# What the kernel may add to a sleep, in nanoseconds. MPI_Init waits in sleeps of 100 µs, and the wake-ups of 256 ranks
+# starve the daemon they wait for: done in 42 s with the usual slack, in 27 s with 10 ms. More brings nothing, and
+# 100 ms slows the daemon, which inherits it.
+_START_SLACK = 10_000_000
+
+
+def start(
+    ranks: int,
+    program: Sequence[str],
+    *,
+    environment: Mapping[str, str] | None = None,
+    preload: Sequence[str] = (),
+    **options: Any,
+) -> subprocess.Popen[Any]:
+    """Start a program on many ranks, as `mpirun_command` says, in a session of their own.
+
+    Call `end` on what is returned: only that leaves no rank behind.
+
+    Parameters
+    ----------
+    ranks : int
+        How many processes to start.
+    program : sequence of str
+        The program and its arguments.
+    environment : mapping of str to str, optional
+        Variables to add, as for `mpirun_command`.
+    preload : sequence of str, optional
+        Modules the ranks run. With more ranks than cores, Open MPI, Linux and a program ``[sys.executable, "-m",
+        module, …]`` or ``[sys.executable, "script.py", …]``, they are imported once, with mpi4py and numpy, and all
+        ranks are forked from there, which halves the time and the memory of a start. Otherwise this says nothing.
+        Their import must not look at what differs between ranks. A forked rank finds MPI initialised, and one that
+        raises ends all. When mpirun ends the ranks, they get no other signal than SIGKILL.
+    **options
+        For `subprocess.Popen`.
+
+    Returns
+    -------
+    subprocess.Popen
+        What ends when all ranks have, with the status of mpirun (for one that was killed, 128 and the signal).
+
+    Raises
+    ------
+    MissingError
+        If there is no launcher.
+    """
+    launch = mpirun_command(ranks, program, environment=environment)
+    crowded = ranks > usable_cores()
+    command = launch.command
+    if preload and crowded and sys.platform == "linux" and is_open_mpi(command[0]) and _is_python(program):
+        command = _forked(launch, program, preload)
+    options = {"stdin": subprocess.DEVNULL} | options | {"env": launch.environment, "start_new_session": True}
+    before = timer_slack(_START_SLACK) if crowded else 0
+    try:
+        return subprocess.Popen(command, **options)
+    finally:
+        if before:
+            timer_slack(before)
+
+
+def _is_python(program: Sequence[str]) -> bool:
+    """Tell whether a program is a module or a script for this Python, with no other option of the interpreter."""
+    return (
+        len(program) > 1
+        and program[0] == sys.executable
+        and (program[1][:1] != "-" or program[1] == "-m" != program[-1])
+    )
+
+
+def _forked(launch: Launch, program: Sequence[str], preload: Sequence[str]) -> tuple[str, ...]:
+    """Return the command of the server that forks the ranks, which is given mpirun's whole command."""
+    return (sys.executable, "-m", "mp2a.launch.forked", ",".join(preload), str(len(program)), *launch.command)
+
+
+def _members(session: int) -> list[int]:
+    """Return the processes of a session that still run."""
+    members = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            # "pid (name) state parent group session ...", and the name may hold anything.
+            state, _, _, its_session = (entry / "stat").read_text(errors="replace").rpartition(")")[2].split()[:4]
+            if int(its_session) == session and state not in "ZX":
+                members.append(int(entry.name))
+    return members
+
+
+def end(process: subprocess.Popen[Any], *, grace: float = 5.0) -> None:
+    """End what `start` started: ask the launcher, and after `grace` seconds kill every rank that is left."""
+    try:
+        if process.poll() is None:
+            process.terminate()  # not SIGINT, which Open MPI wants twice
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(grace)
+    finally:
+        with contextlib.suppress(OSError):
+            os.killpg(process.pid, signal.SIGKILL)
+        # Open MPI gives every rank a process group of its own, but the session stays. Look again until none is left,
+        # as one may have been forking.
+        for _ in range(200):
+            members = _members(process.pid)
+            if not members:
+                break
+            for member in members:
+                with contextlib.suppress(OSError):
+                    os.kill(member, signal.SIGKILL)
+            time.sleep(0.02)
+        process.wait()
+
+
+def run(
+    ranks: int,
+    program: Sequence[str],
+    *,
+    timeout: float | None = None,
+    environment: Mapping[str, str] | None = None,
+    preload: Sequence[str] = (),
+    **options: Any,
+) -> subprocess.CompletedProcess[Any]:
+    """Run a program on many ranks, as `start` does, and wait for it.
+
+    No rank is left when this returns or raises: `subprocess.TimeoutExpired` after `timeout` seconds, or
+    KeyboardInterrupt.
+    """
+    process = start(ranks, program, environment=environment, preload=preload, **options)
+    try:
+        stdout, stderr = process.communicate(timeout=timeout)
+    finally:
+        end(process)
+    return subprocess.CompletedProcess(process.args, process.returncode, stdout, stderr)
