@@ -60,7 +60,11 @@ def make_results(counts=EVERY_N, cores=2, without=(), samples=2000, seed=0):
             "oversubscribed": n > cores,
             "cores": cores,
             "measured": {k: v for k, v in measured.items() if k not in without},
-            "modelled": None if "modelled" in without else modelled,
+            "modelled": None
+            if "modelled" in without
+            else modelled
+            if n > 1
+            else {"serial": {"batch": 0.0, "single": 0.0}},
             "extrapolated": extrapolated,
         }
         if "extrapolated" in without:
@@ -134,7 +138,7 @@ def test_time_curves_are_the_results(counts, without):
             held = {}
             for run in results["runs"]:
                 cell = ((run.get(source) or {}).get(who) or {}).get(grain)
-                if cell is not None:
+                if cell:
                     held[run["n"]] = 2000 * (cell["wall"] if source == "measured" else cell)
             assert dict(zip(panel[name].get_xdata(), panel[name].get_ydata(), strict=True)) == pytest.approx(held)
 

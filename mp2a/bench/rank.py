@@ -14,7 +14,7 @@ from mp2a import model
 from mp2a.bench.centre import Centre
 from mp2a.bench.relay import Relay
 from mp2a.bench.settings import STARTED, Settings
-from mp2a.bench.timing import SINGLES, Timing, barrier, measure
+from mp2a.bench.timing import SINGLES, Timing, barrier, give_back, measure
 from mp2a.chain import Chain
 from mp2a.cores import is_oversubscribed, usable_cores
 from mp2a.distributed import DistributedChain
@@ -76,6 +76,7 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
             "sent": _sent(comm, formation, settings.samples),
             "error": _error(comm, chain, settings, reference, torque),
         }
+    give_back()
     memory = _memory(comm)
     measured, hops = {}, {}
     sizes = {"batch": batch, "single": tuple(part[:SINGLES] for part in batch)}

@@ -85,7 +85,7 @@ def _timed(
     """Wall and largest processor seconds a sample of some calls in a row."""
     arguments = _one_by_one(state)[:calls] if single else [state] * calls
     gc.collect()
-    _give_back()
+    give_back()
     barrier(comm)
     wall, cpu = time.perf_counter(), time.process_time()
     for sample in arguments:
@@ -97,7 +97,7 @@ def _timed(
     return float(most[0]) / done, float(most[1]) / done
 
 
-def _give_back() -> None:
+def give_back() -> None:
     """Return the memory of what the last contender left to the system, so that hundreds of ranks fit."""
     if sys.platform == "linux":
         trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc's
