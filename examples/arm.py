@@ -1,4 +1,4 @@
-"""The torques that hold a PUMA 560 still while its shoulder turns, from its Denavit-Hartenberg rows and from pinocchio."""
+"""The torques that hold a PUMA 560 still at several shoulder angles, by mp2a and by pinocchio."""
 
 import numpy as np
 

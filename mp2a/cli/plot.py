@@ -14,12 +14,14 @@ def add(commands: Any) -> None:
         commands,
         "plot",
         _plot,
-        "Draw time and speedup of a results file, or the timeline of a trace.",
+        "Draw results: time, speedup, emulated latencies, simulated formations, or the timeline of a trace.",
         "  mp2a plot time results/bench.json\n"
         "  mp2a plot speedup results/bench.json --against pinocchio --out speedup.pdf\n"
+        "  mp2a plot latency results/latency.json     runs of mp2a bench --network\n"
+        "  mp2a plot simulated results/simulated.json  of benchmarks/simulate.py\n"
         "  mp2a plot timeline results/trace.json",
     )
-    parser.add_argument("picture", choices=("time", "speedup", "latency", "timeline"))
+    parser.add_argument("picture", choices=("time", "speedup", "latency", "simulated", "timeline"))
     parser.add_argument("file", type=Path, help="a results file of mp2a bench, or a trace file of mp2a trace")
     parser.add_argument("--out", type=Path, help="picture to write (default: beside the file)")
     parser.add_argument(
@@ -43,6 +45,10 @@ def _plot(options: argparse.Namespace) -> None:
         written = plot.timeline(trace, out)
     elif options.picture == "latency":
         written = plot.latency(results.load(options.file), out)
+    elif options.picture == "simulated":
+        from mp2a.bench import simulated
+
+        written = plot.simulated(simulated.load(options.file), out, period=options.period)
     elif options.picture == "time":
         written = plot.time(results.load(options.file), out, period=options.period)
     else:
