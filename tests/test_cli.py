@@ -69,7 +69,7 @@ def test_bench_over_an_emulated_network(tmp_path):
     run = results.load(path)["runs"][0]
     assert run["emulated"] == [0.02, 54e6]
     walls = {name: times["single"]["wall"] for name, times in run["measured"].items()}
-    # No call is over before its messages can have come. Between two robots the two outward scans of kogge-stone overlap.
+    # No call is over before its messages can have come. Two outward scans of kogge-stone overlap between two robots.
     assert walls["sweep"] >= 0.02
     assert walls["compact"] >= 0.04
     assert walls["kogge-stone"] >= 0.04
