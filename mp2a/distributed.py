@@ -2,6 +2,7 @@
 
 import hashlib
 import statistics
+from pathlib import Path
 from types import TracebackType
 
 import numpy as np
@@ -37,7 +38,8 @@ class DistributedChain:
     comm
         One rank a robot, in the order of the chain.
     chain
-        The whole chain, the same on every rank; only the rank's own body is kept.
+        The whole chain, the same on every rank; only the rank's own body is kept. Or a file that every rank reads: one
+        that `Chain.save` wrote (``.npz``), or a URDF. If one rank cannot read it, all raise its error.
     method
         One of `mp2a.methods.METHODS`, or "auto": the one that needs least time by the formation, the samples and what
         the network costs, which is measured between two ranks; `choice` says which and why.
@@ -84,7 +86,7 @@ class DistributedChain:
     def __init__(
         self,
         comm: MPI.Intracomm,
-        chain: Chain,
+        chain: Chain | str | Path,
         method: str = AUTO,
         gravity: ArrayLike = GRAVITY,
         *,
@@ -96,15 +98,15 @@ class DistributedChain:
             raise InputError(f"comm: got {type(comm).__name__}, expected an mpi4py intra-communicator")
         self._comm = comm.Dup()
         try:
-            self._gravity, link = self._agree(chain, method, gravity, samples, network)
-            self.choice = _choose(link, chain, samples) if method == AUTO else None
+            whole, self._gravity, link = self._agree(chain, method, gravity, samples, network)
+            self.choice = _choose(link, whole, samples) if method == AUTO else None
             self.method = method if self.choice is None else self.choice.method
-            self.schedule = self._schedule(chain)
+            self.schedule = self._schedule(whole)
         except InputError:
             self._comm.Free()
             raise
-        self._serial = chain.is_serial
-        self.body = chain.body(self._comm.Get_rank())
+        self._serial = whole.is_serial
+        self.body = whole.body(self._comm.Get_rank())
         self.transport = MPITransport(link, self.schedule)
         self.trace = TraceTransport(self.transport) if trace else None
 
@@ -168,17 +170,18 @@ class DistributedChain:
         self.close()
 
     def _agree(
-        self, chain: Chain, method: str, gravity: ArrayLike, samples: int, network: EmulatedNetwork | None
-    ) -> tuple[Array, Link]:
+        self, chain: Chain | str | Path, method: str, gravity: ArrayLike, samples: int, network: EmulatedNetwork | None
+    ) -> tuple[Chain, Array, Link]:
         """Check the arguments on every rank and that they are the same on all."""
         error: InputError | None = None
         digest = bytes(32)
         try:
             field = check_gravity(gravity)
-            _check(chain, method, self._comm.Get_size())
+            whole = _read(chain)
+            _check(whole, method, self._comm.Get_size())
             count("samples", samples)
             link = make_link(self._comm, network)
-            same = f"{chain.digest()} {method} {field.tolist()} {samples} {network}"
+            same = f"{whole.digest()} {method} {field.tolist()} {samples} {network}"
             digest = hashlib.sha256(same.encode()).digest()
         except InputError as wrong:
             error = wrong
@@ -189,7 +192,7 @@ class DistributedChain:
             what = "chain, method, gravity, samples, network"
             error = InputError(f"{what}: differ from those of rank 0, expected the same on every rank")
         raise_together(self._comm, error)
-        return field, link
+        return whole, field, link
 
     def _schedule(self, chain: Chain) -> Schedule:
         """Schedule of the method, the same on every rank; or the same error, as it depends on nothing else."""
@@ -200,6 +203,12 @@ class DistributedChain:
         odd = next((rank for rank, count in enumerate(counts) if count != counts[0]), 0)
         given = f"{counts[0]} samples on rank 0 and {counts[odd]} on rank {odd}"
         return f"q, v, a: got {given}, expected the same number on every rank"
+
+
+def _read(chain: Chain | str | Path) -> Chain:
+    if not isinstance(chain, str | Path):
+        return chain
+    return Chain.load(chain) if Path(chain).suffix == ".npz" else Chain.from_urdf(chain)
 
 
 def _check(chain: Chain, method: str, ranks: int) -> None:

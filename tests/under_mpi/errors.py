@@ -1,5 +1,8 @@
 """A wrong argument on one rank alone raises the same error on every rank, and the formation works on."""
 
+import tempfile
+from pathlib import Path
+
 import numpy as np
 from _formation import COMM, RANK, SIZE, Checks, chain_of_all_joints, own_columns, relative_error
 
@@ -42,12 +45,28 @@ for bad in wrong_ranks:
 same_error([f"{SIZE + 1} bodies"], make, COMM, larger)
 
 
+# Read from files, of which one rank cannot read its own.
+folder = COMM.bcast(tempfile.mkdtemp() if RANK == 0 else None)
+kept, missing, spoilt = (str(Path(folder) / name) for name in ("chain.npz", "missing.urdf", "spoilt.urdf"))
+if RANK == 0:
+    chain.save(kept)
+    Path(spoilt).write_text("<robot><link")
+COMM.Barrier()
+with make(COMM, kept, "sweep") as formation:
+    torque = formation.rnea(*chain.random_state(body=RANK)).torque
+    whole = mp2a.rnea(chain, *chain.random_state())
+    check(relative_error(torque, whole[own_columns(chain)[1]], whole) < 1e-12)
+for bad in wrong_ranks:
+    same_error([f"rank {bad}", "missing.urdf", "cannot be read"], make, COMM, on(bad, missing, kept))
+    same_error([f"rank {bad}", "spoilt.urdf", "cannot be read"], make, COMM, on(bad, spoilt, kept))
+
+
 # Calling it.
-def calls(formation, chain, samples):
+def calls(formation, chain, samples, wrong=(SIZE // 2,), odd_numbers=(1, 3)):
     qs, vs = own_columns(chain)
     state = [part[..., columns] for part, columns in zip(chain.random_state(samples), (qs, vs, vs), strict=True)]
     whole = mp2a.rnea(chain, *chain.random_state(samples))
-    for bad in wrong_ranks:
+    for bad in wrong:
         for place, name in enumerate("qva"):
             spoilt = [part.copy() for part in state]
             if bad == RANK:
@@ -57,7 +76,7 @@ def calls(formation, chain, samples):
             same_error([f"rank {bad}", f"{name}: got shape"], formation.rnea, *cut)
         force = on(bad, np.ones(5), np.ones(6))
         same_error([f"rank {bad}", "external_force", "(5,)"], formation.rnea, *state, force)
-        for others in (1, 2, 4000):
+        for others in odd_numbers:
             if SIZE > 1 and others != (samples or 1):
                 odd = chain.random_state(others, body=RANK) if bad == RANK else state
                 same_error(["samples", str(others), f"rank {max(bad, 1)}"], formation.rnea, *odd)
@@ -70,10 +89,12 @@ for method in METHODS:
     for formed in (chain, tree):
         if method != "kogge-stone" or formed.is_serial:
             with make(COMM, formed, method) as formation:
-                for samples in (None, 3, 2500) if method == "sweep" and formed is chain else (2,):
-                    calls(formation, formed, samples)
+                calls(formation, formed, 2)
 if not tree.is_serial:
     same_error(["tree", "kogge-stone"], make, COMM, tree, "kogge-stone")
+with make(COMM, chain, "sweep") as formation:
+    for samples in (None, 2500):  # and messages that MPI sends in another way than small ones
+        calls(formation, chain, samples, wrong_ranks, odd_numbers=(2, 4000))
 with make(COMM, chain, "sweep", network=mp2a.EmulatedNetwork(1e-3, 1e9)) as formation:
     calls(formation, chain, 3)
 
