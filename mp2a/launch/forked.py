@@ -159,7 +159,7 @@ class _Server:
         def mpirun() -> NoReturn:
             for number in (signal.SIGPIPE, signal.SIGXFSZ):  # which Python ignores
                 signal.signal(number, signal.SIG_DFL)
-            die_with(self.process, signal.SIGTERM)
+            die_with(self.process, signal.SIGKILL)  # at a SIGTERM it may wait for ever, and nobody is left to see that
             os.execve(command[0], command, environment)
 
         self.mpirun = self._fork(mpirun)
