@@ -16,7 +16,6 @@ from mp2a.leaf import State, check_gravity, check_state
 from mp2a.methods import METHODS, InverseDynamics
 from mp2a.methods.auto import AUTO, Choice, choose
 from mp2a.network import EmulatedNetwork
-from mp2a.schedule import Schedule
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.base import Transport
 from mp2a.transport.link import EmulatedLink, Link, make_link, measure
@@ -101,7 +100,7 @@ class DistributedChain:
             whole, self._gravity, link = self._agree(chain, method, gravity, samples, network)
             self.choice = _choose(link, whole, samples) if method == AUTO else None
             self.method = method if self.choice is None else self.choice.method
-            self.schedule = self._schedule(whole)
+            self.schedule = METHODS[self.method].schedule(whole.parents)
         except InputError:
             self._comm.Free()
             raise
@@ -193,10 +192,6 @@ class DistributedChain:
             error = InputError(f"{what}: differ from those of rank 0, expected the same on every rank")
         raise_together(self._comm, error)
         return whole, field, link
-
-    def _schedule(self, chain: Chain) -> Schedule:
-        """Schedule of the method, the same on every rank; or the same error, as it depends on nothing else."""
-        return METHODS[self.method].schedule(chain.parents)
 
     def _sample_counts(self, samples: int) -> str:
         counts = self._comm.allgather(samples)

@@ -52,7 +52,6 @@ class MPITransport:
             self._receives[key] = _peers(round_, self.first, sending=False)
         self._inboxes: dict[tuple[str, int], Array] = {}
         self._in_flight: list[MPI.Request] = []
-        self._status = MPI.Status()
 
     @property
     def most_samples(self) -> int:
