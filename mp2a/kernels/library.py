@@ -40,7 +40,7 @@ BUILD_LIMIT = 120.0
 _RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK")
 _POLL = 0.05
 _FAILURE_HOLDS = 600.0
-_SOURCES = ("source.py", "vector.py", "library.py")
+_SOURCES = ("algebra.py", "symbols.py", "samplewise.py", "source.py", "library.py")
 
 
 class UnavailableError(Exception):
