@@ -26,10 +26,17 @@ from pathlib import Path
 import mp2a
 
 Run = Callable[..., None]
-"""``f(count, out, *inputs)``: number of samples, and for each array the address of the pointer to its numbers."""
+"""A kernel. Those of segments are ``f(count, out, *inputs)``: number of samples, and for each array the address of the
+pointer to its numbers; for the others see `mp2a.kernels.recursion`."""
 
-ARGUMENTS = {"compose": 3, "move": 3, "force": 4, "carry": 3}
-"""The kernels, and how many arrays each has, the result's included."""
+ARGUMENTS = {
+    "compose": "nppp",
+    "move": "nppp",
+    "force": "npppp",
+    "carry": "nppp",
+    **dict.fromkeys(("rnea_double", "rnea_double_bodies", "rnea_single", "rnea_single_bodies"), "pnnnp"),
+}
+"""The kernels, and what each takes: whole numbers (n) and addresses (p)."""
 
 RANK_WAIT = 10.0
 """Seconds for which a rank waits for the one that builds. It can do without: numpy's versions are right, only slow."""
@@ -40,7 +47,18 @@ BUILD_LIMIT = 120.0
 _RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK")
 _POLL = 0.05
 _FAILURE_HOLDS = 600.0
-_SOURCES = ("algebra.py", "symbols.py", "samplewise.py", "source.py", "library.py")
+_SOURCES = (
+    "algebra.py",
+    "symbols.py",
+    "samplewise.py",
+    "lanes.py",
+    "trigonometry.py",
+    "steps.py",
+    "recursion.py",
+    "plan.py",
+    "source.py",
+    "library.py",
+)
 
 
 class UnavailableError(Exception):
@@ -154,9 +172,9 @@ def _is_private(folder: Path) -> bool:
 def _open(path: Path) -> dict[str, Run]:
     library = ctypes.CDLL(str(path))
     kernels = {}
-    for name, arrays in ARGUMENTS.items():
+    for name, arguments in ARGUMENTS.items():
         kernels[name] = library[f"mp2a_{name}"]
-        kernels[name].argtypes = [ctypes.c_ssize_t] + [ctypes.c_void_p] * arrays
+        kernels[name].argtypes = [ctypes.c_ssize_t if kind == "n" else ctypes.c_void_p for kind in arguments]
         kernels[name].restype = None
     return dict(kernels)
 
@@ -284,14 +302,13 @@ def machine_code() -> tuple[bytes, str]:
     from mp2a.kernels.source import KERNELS
 
     whole = llvm.parse_assembly("")
-    array = types.CPointer(types.CPointer(types.float64))
     for name, kernel in KERNELS.items():
-        form = types.void(types.int64, *[array] * ARGUMENTS[name])
-        compiled = numba.njit(form, no_cpython_wrapper=True, no_cfunc_wrapper=True)(kernel)
+        kinds = [types.int64 if kind == "n" else kernel.pointer for kind in ARGUMENTS[name]]
+        compiled = numba.njit(types.void(*kinds), no_cpython_wrapper=True, no_cfunc_wrapper=True)(kernel.function)
         (result,) = compiled.overloads.values()
         inner = result.fndesc.llvm_func_name
         # numba's functions take places for a result and an exception first, and have long names.
-        arguments = ", ".join(["i64 %n", *(f"ptr %a{i}" for i in range(ARGUMENTS[name]))])
+        arguments = ", ".join(f"{'i64' if kind == 'n' else 'ptr'} %a{i}" for i, kind in enumerate(ARGUMENTS[name]))
         entry = f"""
             define void @mp2a_{name}({arguments}) {{
                 %result = alloca ptr

@@ -1,0 +1,185 @@
+"""What the compiled recursion needs of a chain: its frames chosen anew, its numbers in tables.
+
+A body whose joint has one degree of freedom gets a frame of its own, with z along the joint's axis. Any constant
+rotation between two such frames is one about z, one about x and one about z again. The first goes into the frame of the
+parent, which may be turned about its axis as one likes, the last into the joint's angle. What is left, one turn about x
+and one about z, takes half the arithmetic of a rotation matrix. A parent has only one such turn to give: of several
+children, the others bring theirs along (`FORK`). Other bodies keep the user's frame.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mp2a.chain import Chain
+from mp2a.spatial import Array, transpose
+
+REVOLUTE, CONTINUOUS, PRISMATIC, PLANAR, SPHERICAL, FREE = range(6)
+_KINDS = ("revolute", "continuous", "prismatic", "planar", "spherical", "free")
+
+KIND, Q_COLUMN, V_COLUMN, SLOT, FORCE, FROM, KEEP, RETURN, FORK = range(9)
+"""Columns of the table of whole numbers. Places are numbers from the start of the scratch memory: of what a body
+leaves for the way back, of its wrench, of its parent's state (-1: the body before it is the parent), of its own state if
+others need it (else -1), and of the parent's wrench."""
+
+TOPOLOGY = 9
+HOT = 16
+"""Numbers a body in the first table: cosine and sine about x, place (3), mass, moment (3), inertia (6), angle."""
+FRAME = 22
+"""In the second: the user's frame (9), rotation of joints with several degrees of freedom (9), cosine and sine of the
+turn that a fork brings along, and of the joint's angle."""
+
+_RINGS, _WRENCH = 3, 6
+
+
+class Format(NamedTuple):
+    """A number format of the kernels."""
+
+    name: str
+    lanes: int
+    dtype: np.dtype
+
+
+FORMATS = {
+    np.dtype(np.float64): Format("double", 8, np.dtype(np.float64)),
+    np.dtype(np.float32): Format("single", 16, np.dtype(np.float32)),
+}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Tables of a chain for one number format.
+
+    Attributes
+    ----------
+    hot, frames
+        ``(n, HOT)``, ``(n, FRAME)``
+    topology
+        ``(n, TOPOLOGY)``
+    scratch
+        Numbers of scratch memory that a thread needs.
+    """
+
+    hot: Array
+    frames: Array
+    topology: NDArray[np.int64]
+    scratch: int
+
+
+class Frames(NamedTuple):
+    """Frames chosen anew, all bodies at once."""
+
+    kinds: NDArray[np.intp]
+    user: Array
+    """``B (n, 3, 3)``: new frame to the user's."""
+    general: Array
+    """``(n, 3, 3)``: rotation at zero of joints with several degrees of freedom, identity for others."""
+    places: Array
+    """``(n, 3)`` in the parent's new frame, after the fork's turn."""
+    about_x: Array
+    angle: Array
+    fork: Array
+    """``(n,)`` rad each."""
+
+
+def choose_frames(chain: Chain) -> Frames:
+    """Choose the frames of a chain's bodies."""
+    n = len(chain)
+    names = {name: kind for kind, name in enumerate(_KINDS)}
+    kinds = np.array([names[joint] for joint in chain.joints])
+    single = kinds <= PRISMATIC
+    upright = np.tile(np.eye(3), (n, 1, 1))
+    upright[single] = _upright(chain.axes[single])
+    parents = chain.parents
+    rooted = parents < 0
+    above = np.where(rooted, 0, parents)
+    outer = np.where(rooted[:, None, None], np.eye(3), upright[above])
+    between = transpose(outer) @ chain.rotations @ upright
+    first, about_x, last = _turns(between)
+    # The parent's own turn about its axis, given to its first child with one degree of freedom.
+    own = np.zeros(n)
+    heirs = np.flatnonzero(single & ~rooted & single[above])[::-1]
+    own[parents[heirs]] = first[heirs]
+    user = upright @ _about_z(own)
+    fork = np.where(single, first - np.where(rooted, 0.0, own[above]), 0.0)
+    angle = np.where(single, last + own, 0.0)
+    outer = np.where(rooted[:, None, None], np.eye(3), user[above])
+    inner = np.where(single[:, None, None], _about_z(fork), np.eye(3))
+    places = np.einsum("nji,nkj,nk->ni", inner, outer, chain.translations)
+    general = np.where(single[:, None, None], np.eye(3), transpose(outer) @ chain.rotations)
+    return Frames(kinds, user, general, places, np.where(single, about_x, 0.0), angle, fork)
+
+
+def make_plan(chain: Chain, format_: Format, *, bodies: bool) -> Plan:
+    """Make the tables of a chain."""
+    frames = choose_frames(chain)
+    n, lanes = len(chain), format_.lanes
+    hot = np.empty((n, HOT))
+    hot[:, 0], hot[:, 1] = np.cos(frames.about_x), np.sin(frames.about_x)
+    hot[:, 2:5] = frames.places
+    hot[:, 5] = chain.masses
+    hot[:, 6:9] = np.einsum("nji,nj->ni", frames.user, chain.masses[:, None] * chain.coms)
+    inertia = transpose(frames.user) @ chain.origin_inertias @ frames.user
+    hot[:, 9:15] = inertia[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+    hot[:, 15] = frames.angle
+    cold = np.empty((n, FRAME))
+    cold[:, :9] = frames.user.reshape(n, 9)
+    cold[:, 9:18] = frames.general.reshape(n, 9)
+    cold[:, 18], cold[:, 19] = np.cos(frames.fork), np.sin(frames.fork)
+    cold[:, 20], cold[:, 21] = np.cos(frames.angle), np.sin(frames.angle)
+    topology, vectors = _lay_out(chain, frames, 12 if bodies else 9, lanes)
+    return Plan(hot.astype(format_.dtype), cold.astype(format_.dtype), topology, vectors * lanes)
+
+
+def _lay_out(chain: Chain, frames: Frames, motion: int, lanes: int) -> tuple[NDArray[np.int64], int]:
+    """Give everything its place in the scratch memory; returns the table and how many vectors there are."""
+    n, parents = len(chain), chain.parents
+    ground = _RINGS * 2 * lanes
+    apart = parents != np.arange(n) - 1
+    kept = np.zeros(n, dtype=bool)
+    kept[parents[apart & (parents >= 0)]] = True
+    single, prismatic = frames.kinds <= PRISMATIC, frames.kinds == PRISMATIC
+    sizes = np.where(single, 8 + prismatic, 18) + np.where(kept, motion, 0)
+    ends = ground + motion + _WRENCH + np.cumsum(sizes)
+    starts = ends - sizes
+    table = np.empty((n, TOPOLOGY), dtype=np.int64)
+    table[:, KIND] = frames.kinds
+    table[:, Q_COLUMN], table[:, V_COLUMN] = chain.q_starts[:-1], chain.v_starts[:-1]
+    table[:, SLOT] = starts * lanes
+    table[:, FORCE] = (starts + np.where(single, 2, 12)) * lanes
+    keep = (ends - motion) * lanes
+    table[:, KEEP] = np.where(kept, keep, -1)
+    rooted = parents < 0
+    table[:, FROM] = np.where(apart, np.where(rooted, ground * lanes, keep[parents]), -1)
+    table[:, RETURN] = np.where(rooted, (ground + motion) * lanes, table[parents, FORCE])
+    table[:, FORK] = frames.fork != 0
+    return table, int(ends[-1])
+
+
+def _upright(axes: Array) -> Array:
+    """Rotations ``(k, 3, 3)`` that take z to unit axes ``(k, 3)``."""
+    helper = np.where(np.abs(axes[:, :1]) < 0.5, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    # An axis along z keeps its frame, so that the common case stays readable and exact.
+    x = helper - np.sum(helper * axes, axis=1, keepdims=True) * axes
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return np.stack((x, np.cross(axes, x), axes), axis=2)
+
+
+def _about_z(angle: Array) -> Array:
+    out = np.zeros((*angle.shape, 3, 3))
+    out[..., 0, 0] = out[..., 1, 1] = np.cos(angle)
+    out[..., 1, 0] = np.sin(angle)
+    out[..., 0, 1] = -out[..., 1, 0]
+    out[..., 2, 2] = 1.0
+    return out
+
+
+def _turns(rotation: Array) -> tuple[Array, Array, Array]:
+    """Angles about z, x and z that make a rotation, each exact to rounding even where they are not unique."""
+    straight = np.hypot(rotation[:, 0, 2], rotation[:, 1, 2]) < 1e-15
+    first = np.where(straight, 0.0, np.arctan2(rotation[:, 0, 2], -rotation[:, 1, 2]))
+    # The other two from what is left, so that an error of the first does not go into their sum.
+    rest = transpose(_about_z(first)) @ rotation
+    return first, np.arctan2(-rest[:, 1, 2], rest[:, 2, 2]), np.arctan2(-rest[:, 0, 1], rest[:, 0, 0])

@@ -1,0 +1,215 @@
+"""Formulas of one body in the recursion of Newton and Euler (Luh, Walker and Paul 1980), for vectors of samples.
+
+A state is what a body moves with, in its own frame: angular velocity, angular acceleration, acceleration of its origin
+(classical, with gravity in it as that of the base) and, where it is asked for, the origin's velocity: 9 or 12 numbers.
+A wrench is a torque and a force, 6 numbers. The frames are those of `mp2a.kernels.plan`: a joint with one degree of
+freedom has z as its axis, and its body is turned against its parent about x by a constant angle, then about z.
+
+A ``turn`` is (sine, cosine) of the angle about z and (cosine, sine) of the one about x.
+"""
+
+from llvmlite import ir
+
+from mp2a.kernels.algebra import (
+    Numbers,
+    add,
+    apply,
+    apply_symmetric,
+    apply_transposed,
+    cross,
+    product,
+    scaled,
+)
+from mp2a.kernels.symbols import Symbol
+from mp2a.kernels.trigonometry import largest_angle, sine_and_cosine
+
+
+def _inwards(turn: Numbers, x: Numbers) -> Numbers:
+    """Vector of the body in the parent's frame."""
+    sine, cosine, cosine_x, sine_x = turn
+    y = sine * x[0] + cosine * x[1]
+    return cosine * x[0] - sine * x[1], cosine_x * y - sine_x * x[2], sine_x * y + cosine_x * x[2]
+
+
+def _outwards(turn: Numbers, x: Numbers) -> Numbers:
+    """Vector of the parent in the body's frame."""
+    sine, cosine, cosine_x, sine_x = turn
+    y = cosine_x * x[1] + sine_x * x[2]
+    return cosine * x[0] + sine * y, cosine * y - sine * x[0], cosine_x * x[2] - sine_x * x[1]
+
+
+def _parts(state: Numbers) -> list[Numbers]:
+    return [state[k : k + 3] for k in range(0, len(state), 3)]
+
+
+def _carried(state: Numbers, place: Numbers) -> list[Numbers]:
+    """Motion of the parent at a place in its frame."""
+    w, dw, a, *v = _parts(state)
+    reach = cross(w, place)
+    return [w, dw, add(a, add(cross(dw, place), cross(w, reach))), *(add(x, reach) for x in v)]
+
+
+def angle(q: Symbol, offset: Symbol) -> tuple[Symbol, Symbol]:
+    """Sine and cosine of a revolute joint's angle about z."""
+    return sine_and_cosine(q + offset)
+
+
+def added_angle(cosine: Symbol, sine: Symbol, offset: Numbers) -> Numbers:
+    """Sine and cosine of a continuous joint's angle about z, whose offset is given as (cosine, sine)."""
+    return sine * offset[0] + cosine * offset[1], cosine * offset[0] - sine * offset[1]
+
+
+def slide(q: Symbol, place: Numbers, tilt: Numbers) -> Numbers:
+    """Place of a prismatic joint's body; ``tilt`` is (cosine, sine) of the angle about x."""
+    return place[0], place[1] - tilt[1] * q, place[2] + tilt[0] * q
+
+
+def fork(state: Numbers, offset: Numbers) -> tuple[Numbers, ...]:
+    """State in a frame that is turned about z by an angle given as (cosine, sine)."""
+    c, s = offset
+    return tuple((c * x[0] + s * x[1], c * x[1] - s * x[0], x[2]) for x in _parts(state))
+
+
+def join(wrench: Numbers, offset: Numbers) -> tuple[Numbers, ...]:
+    """Wrench in the frame before the turn of `fork`."""
+    c, s = offset
+    return tuple((c * x[0] - s * x[1], s * x[0] + c * x[1], x[2]) for x in _parts(wrench))
+
+
+def revolute(state: Numbers, turn: Numbers, place: Numbers, rate: Symbol, growth: Symbol) -> tuple[Numbers, ...]:
+    """State of a body that turns about z."""
+    w, dw, a, *v = (_outwards(turn, x) for x in _carried(state, place))
+    dw = dw[0] + w[1] * rate, dw[1] - w[0] * rate, dw[2] + growth
+    return (w[0], w[1], w[2] + rate), dw, a, *v
+
+
+def prismatic(state: Numbers, turn: Numbers, place: Numbers, rate: Symbol, growth: Symbol) -> tuple[Numbers, ...]:
+    """State of a body that slides along z."""
+    w, dw, a, *v = (_outwards(turn, x) for x in _carried(state, place))
+    a = a[0] + 2.0 * w[1] * rate, a[1] - 2.0 * w[0] * rate, a[2] + growth
+    return w, dw, a, *((x[0], x[1], x[2] + rate) for x in v)
+
+
+def general(state: Numbers, rotation: Numbers, place: Numbers, rates: Numbers, growths: Numbers) -> tuple[Numbers, ...]:
+    """State of a body with any rotation and place; rates and growths are [angular; linear] in its own frame."""
+    w, dw, a, *v = (apply_transposed(rotation, x) for x in _carried(state, place))
+    turning, sliding = rates[0:3], rates[3:6]
+    coriolis = cross(w, sliding)
+    a = add(add(a, growths[3:6]), add(cross(turning, sliding), add(coriolis, coriolis)))
+    dw = add(add(dw, growths[0:3]), cross(w, turning))
+    return add(w, turning), dw, a, *(add(x, sliding) for x in v)
+
+
+def wrench(state: Numbers, mass: Symbol, moment: Numbers, inertia: Numbers) -> tuple[Numbers, ...]:
+    """Torque and force that move a body, about its origin; inertia about the origin."""
+    w, dw, a, *_ = _parts(state)
+    spin = apply_symmetric(inertia, w)
+    torque = add(add(apply_symmetric(inertia, dw), cross(w, spin)), cross(moment, a))
+    return torque, scaled(add(cross(dw, moment), cross(w, cross(w, moment))), a, mass)
+
+
+def wrench_inwards(wrench: Numbers, turn: Numbers, place: Numbers) -> tuple[Numbers, ...]:
+    """Wrench on a body with one degree of freedom, taken to its parent."""
+    torque, force = (_inwards(turn, x) for x in _parts(wrench))
+    return add(torque, cross(place, force)), force
+
+
+def general_inwards(wrench: Numbers, rotation: Numbers, place: Numbers) -> tuple[Numbers, ...]:
+    """Wrench on a body with any rotation, taken to its parent."""
+    torque, force = (apply(rotation, x) for x in _parts(wrench))
+    return add(torque, cross(place, force)), force
+
+
+def turned(x: Numbers, rotation: Numbers) -> list[Numbers]:
+    """Vectors of the body in the user's frame of it."""
+    return [apply(rotation, part) for part in _parts(x)]
+
+
+def without(wrench: Numbers, external: Numbers, rotation: Numbers) -> list[Numbers]:
+    """Wrench less one from outside in the user's frame of the body."""
+    pairs = zip(_parts(wrench), _parts(external), strict=True)
+    return [scaled(have, apply_transposed(rotation, x), -1.0) for have, x in pairs]
+
+
+def total(a: Numbers, b: Numbers) -> Numbers:
+    """Sum."""
+    return tuple(x + y for x, y in zip(a, b, strict=True))
+
+
+def _quaternion(q: Numbers) -> Numbers:
+    """Rotation of a quaternion x, y, z, w, as Eigen's ``toRotationMatrix``."""
+    x, y, z, w = q
+    tx, ty, tz = x + x, y + y, z + z
+    return (
+        1.0 - (ty * y + tz * z), tx * y - tz * w, tx * z + ty * w,
+        tx * y + tz * w, 1.0 - (tx * x + tz * z), ty * z - tx * w,
+        tx * z - ty * w, ty * z + tx * w, 1.0 - (tx * x + ty * y),
+    )  # fmt: skip
+
+
+def planar(q: Numbers, frame: Numbers, place: Numbers) -> tuple[Numbers, ...]:
+    """Rotation and place of a planar joint's body, q = x, y, cosine, sine."""
+    x, y, c, s = q
+    rotation = tuple(
+        number
+        for row in (frame[0:3], frame[3:6], frame[6:9])
+        for number in (row[0] * c + row[1] * s, row[1] * c - row[0] * s, row[2])
+    )
+    return rotation, tuple(place[k] + frame[3 * k] * x + frame[3 * k + 1] * y for k in range(3))
+
+
+def spherical(q: Numbers, frame: Numbers, place: Numbers) -> tuple[Numbers, ...]:
+    """Rotation and place of a spherical joint's body."""
+    return product(frame, _quaternion(q)), place
+
+
+def free(q: Numbers, frame: Numbers, place: Numbers) -> tuple[Numbers, ...]:
+    """Rotation and place of a free joint's body, q = position, quaternion."""
+    return product(frame, _quaternion(q[3:7])), add(place, apply(frame, q[0:3]))
+
+
+def planar_rates(v: Numbers) -> Numbers:
+    """[angular; linear] of a planar joint's v = x, y, turn."""
+    zero = v[0].constant(0.0)
+    return zero, zero, v[2], v[0], v[1], zero
+
+
+def spherical_rates(v: Numbers) -> Numbers:
+    """[angular; linear] of a spherical joint's v."""
+    zero = v[0].constant(0.0)
+    return (*v, zero, zero, zero)
+
+
+def free_rates(v: Numbers) -> Numbers:
+    """[angular; linear] of a free joint's v = [linear; angular]."""
+    return v[3:6] + v[0:3]
+
+
+def doubt_angle(doubt: Symbol, q: Symbol, offset: Symbol) -> Symbol:
+    """``doubt``, but not a number where an angle is too large for `sine_and_cosine`."""
+    return _unless(_within(q + offset, largest_angle(q)), doubt)
+
+
+def doubt_length(doubt: Symbol, numbers: Numbers) -> Symbol:
+    """``doubt``, but not a number where numbers that have to have length 1 do not."""
+    square = numbers[0] * numbers[0]
+    for number in numbers[1:]:
+        square = square + number * number
+    return _unless(_within(square - 1.0, 1e-6), doubt)
+
+
+def doubt_results(doubt: Symbol, results: Numbers) -> Symbol:
+    """``doubt``, but not a number where a result is not finite."""
+    for result in results:
+        doubt = doubt + 0.0 * result
+    return doubt
+
+
+def _within(x: Symbol, bound: float) -> ir.Value:
+    build = x.builder
+    above = build.fcmp_ordered("<=", x.value, x.constant(bound).value)
+    return build.and_(above, build.fcmp_ordered(">=", x.value, x.constant(-bound).value))
+
+
+def _unless(sure: ir.Value, doubt: Symbol) -> Symbol:
+    return Symbol(doubt.builder, doubt.builder.select(sure, doubt.value, doubt.constant(float("nan")).value))
