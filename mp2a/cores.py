@@ -19,17 +19,31 @@ def usable_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-@cache
-def is_oversubscribed() -> bool:
-    """Tell, in a rank and without asking the others, whether this machine has more ranks than cores."""
-    ranks = os.environ.get("OMPI_COMM_WORLD_LOCAL_SIZE") or os.environ.get("MPI_LOCALNRANKS") or "1"
+def _local_ranks() -> int:
+    return int(os.environ.get("OMPI_COMM_WORLD_LOCAL_SIZE") or os.environ.get("MPI_LOCALNRANKS") or "1")
+
+
+def _machine_cores() -> int:
+    """Cores for all ranks of this machine together."""
     if not hasattr(os, "sched_getaffinity"):
-        return int(ranks) > usable_cores()
+        return usable_cores()
     cores = os.sched_getaffinity(0)
     with suppress(OSError):
         # A rank that is bound to one core sees only that one; the launcher, its parent, sees all.
         cores |= os.sched_getaffinity(os.getppid())
-    return int(ranks) > len(cores)
+    return len(cores)
+
+
+@cache
+def is_oversubscribed() -> bool:
+    """Tell, in a rank and without asking the others, whether this machine has more ranks than cores."""
+    return _local_ranks() > _machine_cores()
+
+
+@cache
+def share() -> int:
+    """Return how many threads this process may run without taking cores from the other ranks of this machine."""
+    return max(1, min(usable_cores(), _machine_cores() // _local_ranks()))
 
 
 def available_memory() -> int | None:

@@ -3,11 +3,14 @@
 from typing import Literal, overload
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, DTypeLike
 
 from mp2a.chain import Chain
+from mp2a.checks import count
 from mp2a.exceptions import InputError
-from mp2a.leaf import check_gravity, check_state
+from mp2a.kernels import batch
+from mp2a.kernels.plan import FORMATS
+from mp2a.leaf import State, check_gravity, check_shapes, check_values
 from mp2a.methods import METHODS, InverseDynamics, serial
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.local import LocalTransport
@@ -24,6 +27,9 @@ def rnea(
     *,
     method: str = ...,
     bodies: Literal[False] = ...,
+    threads: int | None = ...,
+    dtype: DTypeLike = ...,
+    out: Array | None = ...,
 ) -> Array: ...
 @overload
 def rnea(
@@ -36,6 +42,9 @@ def rnea(
     *,
     method: str = ...,
     bodies: Literal[True],
+    threads: int | None = ...,
+    dtype: DTypeLike = ...,
+    out: Array | None = ...,
 ) -> InverseDynamics: ...
 def rnea(
     chain: Chain,
@@ -47,6 +56,9 @@ def rnea(
     *,
     method: str = "serial",
     bodies: bool = False,
+    threads: int | None = None,
+    dtype: DTypeLike = np.float64,
+    out: Array | None = None,
 ) -> Array | InverseDynamics:
     """Inverse dynamics of a chain in this process: the joint torques that give these accelerations.
 
@@ -55,7 +67,8 @@ def rnea(
     chain
         n bodies.
     q
-        Coordinates as pinocchio's, ``(nq,)`` or ``(T, nq)`` for T samples; rad and m.
+        Coordinates as pinocchio's, ``(nq,)`` or ``(T, nq)`` for T samples; rad and m. Arrays whose samples lie
+        together, such as ``x.T`` of an ``(nq, T)`` one, are taken as they are, as those are whose columns do.
     v, a
         Joint velocities and accelerations, ``(nv,)`` or ``(T, nv)``; rad/s, m/s and rad/s², m/s².
     external_forces
@@ -64,14 +77,23 @@ def rnea(
     gravity
         ``(3,)`` m/s² in the base frame.
     method
-        "serial", body after body; or one of `mp2a.methods.METHODS`, with all n robots in this process.
+        "serial", body after body, the fastest in one process; or one of `mp2a.methods.METHODS`, with all n robots in
+        this process.
     bodies
         Return motion and force of every body as well.
+    threads
+        How many threads share the samples of method "serial"; None: as many as are worth it, and no more than this
+        process has cores for itself when other ranks run on the machine.
+    dtype
+        Number format of the result and, with method "serial", of the arithmetic: float64 or float32.
+    out
+        Array for the torques, of their shape and format, so that a loop needs no new memory.
 
     Returns
     -------
     numpy.ndarray or InverseDynamics
-        Torques ``(nv,)`` or ``(T, nv)``, N m and N; with ``bodies`` an `InverseDynamics` that holds them.
+        Torques ``(nv,)`` or ``(T, nv)``, N m and N; with ``bodies`` an `InverseDynamics` that holds them. Laid out in
+        memory as q, v and a are, if all are laid out alike.
 
     Raises
     ------
@@ -87,20 +109,71 @@ def rnea(
     """
     if method != "serial":
         check_method(method)
-    state = check_state(chain, q, v, a, external_forces)
+    if threads is not None:
+        count("threads", threads)
+    form = _format(dtype)
+    state = check_shapes(chain, q, v, a, external_forces)
     field = check_gravity(gravity)
+    target = None if out is None else _target(out, (state.samples, chain.nv), state.single, form)
+    result = None
     if method == "serial":
-        result = serial(chain, state, field)
+        base = np.concatenate((np.zeros(6), -field, np.zeros(3)))
+        result = batch.recursion(chain, state, base, bodies=bodies, threads=threads, dtype=form, out=target)
+    if result is None or not result.sound:
+        return _checked(chain, state, field, method, bodies, form, target)
+    return _report(result.torque, result.bodies, state.single)
+
+
+def _checked(
+    chain: Chain, state: State, gravity: Array, method: str, bodies: bool, form: np.dtype, target: Array | None
+) -> Array | InverseDynamics:
+    """Look at the numbers of the input, and use what takes any that are sound."""
+    check_values(chain, state)
+    if method == "serial":
+        made = serial(chain, state, gravity)
     else:
         chosen = METHODS[method]
-        result = chosen.solve(chain, state, field, chosen.schedule(chain.parents), LocalTransport(len(chain)))
-    torque = result.torque[0] if state.single else result.torque
-    if not bodies:
+        made = chosen.solve(chain, state, gravity, chosen.schedule(chain.parents), LocalTransport(len(chain)))
+    torque = made.torque.astype(form, copy=False)
+    if target is not None:
+        target[...] = torque
+        torque = target
+    rows = None
+    if bodies:
+        parts = (made.velocity, made.acceleration, made.force)
+        rows = np.concatenate([x.swapaxes(1, 2) for x in parts], axis=1).astype(form, copy=False)
+    return _report(torque, rows, state.single)
+
+
+def _report(torque: Array, bodies: Array | None, single: bool) -> Array | InverseDynamics:
+    """Torque alone, or with the bodies' ``(n, 18, T)``."""
+    if single:
+        torque = torque[0]
+    if bodies is None:
         return torque
-    velocity, acceleration, force = (
-        x[:, 0] if state.single else np.moveaxis(x, 0, 1) for x in (result.velocity, result.acceleration, result.force)
-    )
+    samples = bodies.transpose(2, 0, 1)
+    velocity, acceleration, force = (samples[..., k : k + 6] for k in (0, 6, 12))
+    if single:
+        velocity, acceleration, force = velocity[0], acceleration[0], force[0]
     return InverseDynamics(velocity, acceleration, force, torque)
+
+
+def _format(dtype: DTypeLike) -> np.dtype:
+    try:
+        form = np.dtype(dtype)
+    except TypeError as error:
+        raise InputError(f"dtype: got {dtype!r}, expected float64 or float32") from error
+    if form not in FORMATS:
+        raise InputError(f"dtype: got {form}, expected float64 or float32")
+    return form
+
+
+def _target(out: Array, shape: tuple[int, int], single: bool, form: np.dtype) -> Array:
+    wanted = shape[1:] if single else shape
+    if not isinstance(out, np.ndarray) or out.shape != wanted or out.dtype != form or not out.flags.writeable:
+        given = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
+        raise InputError(f"out: got {given}, expected a writeable array of {form} {wanted}")
+    return out[None] if single else out
 
 
 def check_method(method: str) -> None:

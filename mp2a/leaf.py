@@ -54,6 +54,19 @@ def check_state(chain: Chain, q: ArrayLike, v: ArrayLike, a: ArrayLike, external
     InputError
         Naming the argument, what was given and what was expected.
     """
+    state = check_shapes(chain, q, v, a, external)
+    check_values(chain, state)
+    return state
+
+
+def check_shapes(chain: Chain, q: ArrayLike, v: ArrayLike, a: ArrayLike, external: ArrayLike | None) -> State:
+    """Check the shapes of the arguments and give each a sample axis, whatever their numbers are.
+
+    Raises
+    ------
+    InputError
+        Naming the argument, what was given and what was expected.
+    """
     arrays = {}
     for name, value, width in (("q", q, chain.nq), ("v", v, chain.nv), ("a", a, chain.nv)):
         arrays[name] = numbers(name, value)
@@ -67,11 +80,27 @@ def check_state(chain: Chain, q: ArrayLike, v: ArrayLike, a: ArrayLike, external
     samples = 1 if single else len(arrays["q"])
     if samples == 0:
         raise InputError("q, v, a: got no sample (T = 0), expected at least one")
-    columns = {name: array.reshape(samples, -1) for name, array in arrays.items()}
-    _check_finite(chain, columns)
-    _check_units(chain, columns["q"])
+    columns = {name: array.reshape(samples, array.shape[-1]) for name, array in arrays.items()}
     forces = None if external is None else _check_external(len(chain), samples, single, external)
     return State(columns["q"], columns["v"], columns["a"], forces, single)
+
+
+def check_values(chain: Chain, state: State) -> None:
+    """Check that all numbers are finite and that quaternions, cosines and sines are of length 1.
+
+    Raises
+    ------
+    InputError
+        Naming the argument, what was given and what was expected.
+    """
+    _check_finite(chain, {"q": state.q, "v": state.v, "a": state.a})
+    _check_units(chain, state.q)
+    if state.external is not None and not np.isfinite(state.external).all():
+        body, sample, column = (int(k) for k in np.argwhere(~np.isfinite(state.external))[0])
+        raise InputError(
+            f"external_forces: got {state.external[body, sample, column]} for body {body}, sample {sample}, "
+            f"column {column}, expected finite numbers"
+        )
 
 
 def joint_motion(chain: Chain, state: State) -> JointMotion:
@@ -139,7 +168,4 @@ def _check_external(n: int, samples: int, single: bool, external: ArrayLike) -> 
         forces = forces[None]
     elif single or forces.shape != (samples, n, 6):
         raise InputError(f"external_forces: got shape {forces.shape}, expected {wanted}")
-    if not np.isfinite(forces).all():
-        where = tuple(int(k) for k in np.argwhere(~np.isfinite(forces))[0])
-        raise InputError(f"external_forces: got {forces[where]} at {where}, expected finite numbers")
     return np.moveaxis(forces, 0, 1)

@@ -9,9 +9,10 @@ versions do the work; `status` says why.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mp2a.kernels.library import Run, UnavailableError, obtain, under_mpi
 from mp2a.spatial import Array, force_to_parent
@@ -53,6 +54,17 @@ def build() -> Status:
 def status() -> Status:
     """Tell which kernels are in use, and why; loads them if need be."""
     return load()
+
+
+def compiled(name: str) -> Run | None:
+    """Return a compiled kernel, or None if there is none; loads them if need be."""
+    load()
+    return _run.get(name)
+
+
+def pointer(array: NDArray[Any]) -> int:
+    """Address of the pointer to an array's numbers, for kernels; the array has to live on."""
+    return id(array) + _POINTER
 
 
 def _load(*, patient: bool) -> Status:

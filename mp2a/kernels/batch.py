@@ -1,13 +1,31 @@
-"""Running the compiled recursion: tables of chains kept, memory for threads, samples split over them."""
+"""Running the compiled recursion: tables of chains are kept, samples are split over threads."""
 
-from typing import NamedTuple
+from __future__ import annotations
+
+import weakref
+from collections.abc import Iterator
+from functools import cache
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mp2a import cores, kernels
 from mp2a.chain import Chain
-from mp2a.kernels.plan import FORMATS, Format, Plan, make_plan
+from mp2a.kernels.library import Run
+from mp2a.kernels.plan import FORMATS, Format, Job, Plan, make_plan
+from mp2a.leaf import State
 from mp2a.spatial import Array
+
+if TYPE_CHECKING:
+    from concurrent.futures import ThreadPoolExecutor
+
+_WORTH_A_THREAD = 20_000
+"""Bodies times samples from which on another thread gains more than waking it takes."""
+
+_PIECES = 4
+"""Pieces of the work for each thread, so that one that is held up leaves some to the others."""
 
 
 class Result(NamedTuple):
@@ -18,13 +36,147 @@ class Result(NamedTuple):
     bodies: Array | None
     """``(n, 18, T)``: velocity, acceleration and force of each body, if asked for."""
     root: Array
-    """``(6, T)``: wrench on what the chain hangs on, there."""
+    """``(6, T)``: wrench that the chain puts on its base, about the base's origin and in its frame."""
     sound: bool
-    """Whether every sample is what it should be; else some input is not finite, no rotation, or a very large angle."""
+    """Whether every sample is as it should be; else some input is not finite, a quaternion not of length 1, an angle
+    too large for the kernel, or a result not finite."""
 
 
-def aligned(count: int, dtype: np.dtype) -> Array:
-    """Memory for numbers that starts at a cache line."""
-    raw = np.empty(count * dtype.itemsize + 64, dtype=np.uint8)
-    start = -raw.ctypes.data % 64
-    return raw[start : start + count * dtype.itemsize].view(dtype)
+def recursion(
+    chain: Chain,
+    state: State,
+    base: Array,
+    tip: Array | None = None,
+    *,
+    bodies: bool = False,
+    threads: int | None = None,
+    dtype: np.dtype | type = np.float64,
+    out: Array | None = None,
+) -> Result | None:
+    """Inverse dynamics of many samples; see `mp2a.kernels.recursion`.
+
+    Parameters
+    ----------
+    chain
+        n bodies, a chain or a tree.
+    state
+        Input of the right shapes; the kernel notices by itself if its numbers are not what they should be.
+    base
+        Motion of the base, ``(12,)`` or ``(T, 12)``: angular velocity, angular acceleration, acceleration less gravity
+        and velocity of its origin.
+    tip
+        Wrench from outside on the last body, in its frame about its origin, ``(T, 6)``.
+    bodies
+        Return motion and force of every body as well.
+    threads
+        How many share the samples; None: as many as this process has cores and the work is worth.
+    dtype
+        Number format of the arithmetic and of the result, double or single.
+    out
+        Where to put the torque, ``(T, nv)`` of this format.
+
+    Returns
+    -------
+    Result or None
+        None if there are no compiled kernels.
+    """
+    form = FORMATS[np.dtype(dtype)]
+    run = kernels.compiled(f"rnea_{form.name}" + ("_bodies" if bodies else ""))
+    if run is None:
+        return None
+    samples, lanes = state.samples, form.lanes
+    columnwise = samples >= lanes and all(_fits(x, True) for x in (state.q, state.v, state.a))
+    q, v, a = (_laid_out(x, form.dtype, columnwise) for x in (state.q, state.v, state.a))
+    torque = out
+    if torque is None or not _fits(torque, columnwise) or any(np.may_share_memory(torque, x) for x in (q, v, a)):
+        torque = np.empty((samples, chain.nv), form.dtype, order="F" if columnwise else "C")
+    base = np.ascontiguousarray(base, form.dtype)
+    tip = np.zeros(6, form.dtype) if tip is None else np.ascontiguousarray(tip, form.dtype)
+    external = None if state.external is None else _rowwise(state.external, form.dtype)
+    plan = _plan(chain, form, bodies)
+    chunks = -(-samples // lanes)
+    padded = chunks * lanes
+    output = np.empty((len(chain), 18, padded) if bodies else 0, form.dtype)
+    root = np.empty((6, padded), form.dtype)
+    at, size, along = kernels.pointer, form.dtype.itemsize, 1 if columnwise else 0
+    job: NDArray[np.int64] = np.array(
+        Job(
+            len(chain), samples, chain.nq, chain.nv, columnwise, at(plan.hot), at(plan.frames), at(plan.topology),
+            at(base), 12 * (base.ndim - 1), at(tip), 6 * (tip.ndim - 1),
+            *((0, 0, 0) if external is None else _places(external)),
+            at(q), q.strides[along] // size, at(v), v.strides[along] // size, at(a), a.strides[along] // size,
+            at(torque), torque.strides[along] // size, at(output), padded, at(root),
+        ),
+        dtype=np.int64,
+    )  # fmt: skip
+    sound = _share(run, job, plan.scratch, form.dtype, chunks, _threads(threads, len(chain) * samples, chunks))
+    if out is not None and torque is not out:
+        out[...] = torque
+        torque = out
+    return Result(torque, output[..., :samples] if bodies else None, root[:, :samples], sound)
+
+
+def _share(run: Run, job: NDArray[np.int64], scratch: int, dtype: np.dtype, chunks: int, threads: int) -> bool:
+    """Run a job in some threads, this one among them; tells whether all samples are sound."""
+
+    def work(pieces: Iterator[tuple[int, int]]) -> bool:
+        memory, verdict = np.empty(scratch, dtype), np.zeros(1, np.int64)
+        for first, last in pieces:
+            run(kernels.pointer(job), first, last, kernels.pointer(memory), kernels.pointer(verdict))
+        return not verdict[0]
+
+    if threads == 1:
+        return work(iter([(0, chunks)]))
+    count = min(_PIECES * threads, chunks)
+    pieces = iter(list(pairwise(k * chunks // count for k in range(count + 1))))
+    others = [_pool(threads - 1).submit(work, pieces) for _ in range(threads - 1)]
+    return all([work(pieces), *(other.result() for other in others)])
+
+
+def _threads(asked: int | None, work: int, chunks: int) -> int:
+    if asked is None:
+        asked = min(cores.share(), work // _WORTH_A_THREAD) if work >= 2 * _WORTH_A_THREAD else 1
+    return max(1, min(asked, chunks))
+
+
+@cache
+def _pool(workers: int) -> ThreadPoolExecutor:
+    from concurrent.futures import ThreadPoolExecutor
+
+    return ThreadPoolExecutor(workers, thread_name_prefix="mp2a")
+
+
+_plans: dict[tuple[int, str, bool], tuple[weakref.ref[Chain], Plan]] = {}
+
+
+def _plan(chain: Chain, form: Format, bodies: bool) -> Plan:
+    """Tables of a chain; kept as long as the chain lives, for chains do not change."""
+    key = id(chain), form.name, bodies
+    known = _plans.get(key)
+    if known is None or known[0]() is not chain:
+        known = weakref.ref(chain, lambda _: _plans.pop(key, None)), make_plan(chain, form, bodies=bodies)
+        _plans[key] = known
+    return known[1]
+
+
+def _fits(array: Array, columnwise: bool) -> bool:
+    """Tell whether the kernel can take an array as it lies, with the samples of a column together or not."""
+    together, apart = array.strides if columnwise else array.strides[::-1]
+    return together == array.itemsize and apart % together == 0
+
+
+def _laid_out(array: Array, dtype: np.dtype, columnwise: bool) -> Array:
+    array = array.astype(dtype, copy=False)
+    return array if _fits(array, columnwise) else np.array(array, order="F" if columnwise else "C")
+
+
+def _rowwise(external: Array, dtype: np.dtype) -> Array:
+    """Wrenches whose six numbers lie together."""
+    external = external.astype(dtype, copy=False)
+    fits = external.strides[-1] == dtype.itemsize and not any(stride % dtype.itemsize for stride in external.strides)
+    return external if fits else np.ascontiguousarray(external)
+
+
+def _places(external: Array) -> tuple[int, int, int]:
+    body, sample, _ = (stride // external.itemsize for stride in external.strides)
+    return kernels.pointer(external), body, sample if external.shape[1] > 1 else 0

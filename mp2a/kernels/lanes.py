@@ -14,13 +14,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
-from mp2a.kernels.symbols import INDEX, Formula, Symbol, read, read_rows, splat, transpose, write
+from mp2a.kernels.plan import CACHE_LINE
+from mp2a.kernels.symbols import INDEX, Formula, Symbol, read, splat, write
 
 
-class Vector(types.Type):  # type: ignore[misc]
+class Vector(types.Type):
     """Type of a vector with a number in each lane."""
 
     def __init__(self, real: Any, lanes: int) -> None:
@@ -29,7 +31,7 @@ class Vector(types.Type):  # type: ignore[misc]
 
 
 @register_model(Vector)
-class _VectorModel(models.PrimitiveModel):  # type: ignore[misc]
+class _VectorModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Vector) -> None:
         super().__init__(manager, kind, ir.VectorType(manager.lookup(kind.real).get_value_type(), kind.lanes))
 
@@ -53,9 +55,41 @@ class Real:
         """The type of a pointer to numbers."""
         return types.CPointer(self.kind)
 
-    def at(self) -> Any:
-        """``at(address)``: pointer to numbers at an address."""
-        return _pointer_to(self.pointer)
+    def there(self) -> Any:
+        """``there(address)``: the pointer to numbers that lies at an address."""
+        kind = self.pointer
+
+        @intrinsic
+        def there(context: Any, address: Any) -> Any:
+            return _pointer_at(kind)
+
+        return there
+
+    def aligned(self) -> Any:
+        """``aligned(pointer)``: the pointer to the first number that starts a cache line."""
+
+        @intrinsic
+        def aligned(context: Any, pointer: Any) -> Any:
+            def emit(context: Any, builder: Any, form: Any, arguments: Sequence[Any]) -> Any:
+                number = builder.add(builder.ptrtoint(arguments[0], INDEX), ir.Constant(INDEX, CACHE_LINE - 1))
+                number = builder.and_(number, ir.Constant(INDEX, -CACHE_LINE))
+                return builder.inttoptr(number, arguments[0].type)
+
+            return pointer(pointer), emit
+
+        return aligned
+
+    def ahead(self) -> Any:
+        """``ahead(pointer, count)``: the pointer to a later number."""
+
+        @intrinsic
+        def ahead(context: Any, pointer: Any, count: Any) -> Any:
+            def emit(context: Any, builder: Any, form: Any, arguments: Sequence[Any]) -> Any:
+                return builder.gep(arguments[0], [arguments[1]])
+
+            return pointer(pointer, types.int64), emit
+
+        return ahead
 
     def load(self) -> Any:
         """``load(pointer, place)``: the numbers from a place on, one for each lane."""
@@ -135,34 +169,36 @@ class Real:
         return put
 
     def take_columns(self, count: int) -> Any:
-        """``take_columns(pointer, mask, step, column)``: vectors at ``(column & mask) * step``, and of the next columns."""
+        """``take_columns(view, column)``: vectors of a column and the next ones.
+
+        A view is (pointer, mask, step): a column is at ``(column & mask) * step``.
+        """
         lanes, vector = self.lanes, self.vector
 
         @intrinsic
-        def take(context: Any, pointer: Any, mask: Any, step: Any, column: Any) -> Any:
+        def take(context: Any, view: Any, column: Any) -> Any:
             result = types.UniTuple(vector, count)
 
             def emit(context: Any, builder: Any, form: Any, arguments: Sequence[Any]) -> Any:
-                pointer, *ring = arguments
-                places = [_column_place(builder, k, *ring) for k in range(count)]
-                return context.make_tuple(builder, result, [read(builder, pointer, at, lanes) for at in places])
+                columns = _columns(builder, count, *arguments)
+                return context.make_tuple(builder, result, [read(builder, *column, lanes) for column in columns])
 
-            return result(pointer, *[types.int64] * 3), emit
+            return result(view, types.int64), emit
 
         return take
 
     def put_columns(self) -> Any:
-        """``put_columns(pointer, mask, step, column, vectors)``: `take_columns` the other way."""
+        """``put_columns(view, column, vectors)``: `take_columns` the other way."""
 
         @intrinsic
-        def put(context: Any, pointer: Any, mask: Any, step: Any, column: Any, vectors: Any) -> Any:
+        def put(context: Any, view: Any, column: Any, vectors: Any) -> Any:
             def emit(context: Any, builder: Any, form: Any, arguments: Sequence[Any]) -> Any:
-                pointer, *ring, packed = arguments
-                for k, value in enumerate(cgutils.unpack_tuple(builder, packed)):
-                    write(builder, value, pointer, _column_place(builder, k, *ring))
+                values = cgutils.unpack_tuple(builder, arguments[2])
+                for value, place in zip(values, _columns(builder, len(values), *arguments[:2]), strict=True):
+                    write(builder, value, *place)
                 return context.get_dummy_value()
 
-            return types.void(pointer, *[types.int64] * 3, vectors), emit
+            return types.void(view, types.int64, vectors), emit
 
         return put
 
@@ -209,79 +245,6 @@ class Real:
 
         return is_nan
 
-    def gather(self, columns: int) -> Any:
-        """``gather(pointer, stride, first, last)``: rows ``first … first + lanes - 1`` of a table, a vector a column.
-
-        Rows behind ``last`` are read as ``last``.
-        """
-        lanes, vector = self.lanes, self.vector
-
-        @intrinsic
-        def gather(context: Any, pointer: Any, stride: Any, first: Any, last: Any) -> Any:
-            result = types.UniTuple(vector, columns)
-
-            def emit(context: Any, builder: Any, form: Any, arguments: Sequence[Any]) -> Any:
-                starts = _row_starts(builder, lanes, *arguments)
-                return context.make_tuple(builder, result, read_rows(builder, starts, columns))
-
-            return result(pointer, types.int64, types.int64, types.int64), emit
-
-        return gather
-
-    def turn_in(self) -> Any:
-        """``turn_in(table, stride, first, last, column, columns, target, place)``: a square of a table, transposed.
-
-        From ``column`` on, of at most ``columns`` columns; rows as in `gather`. A vector for each column goes to
-        ``target`` from ``place`` on.
-        """
-        lanes = self.lanes
-
-        @intrinsic
-        def turn_in(
-            context: Any, table: Any, stride: Any, first: Any, last: Any, column: Any, columns: Any, target: Any, place: Any
-        ) -> Any:  # fmt: skip
-            def emit(context: Any, builder: Any, form: Any, arguments: Sequence[Any]) -> Any:
-                table, stride, first, last, column, columns, target, place = arguments
-                starts = _row_starts(builder, lanes, builder.gep(table, [column]), stride, first, last)
-
-                def take(mask: Any | None) -> None:
-                    rows = [_read_some(builder, start, lanes, mask) for start in starts]
-                    begin = builder.gep(target, [place])
-                    for k, value in enumerate(transpose(builder, rows, reading=True)):
-                        write(builder, value, begin, k * lanes)
-
-                _whole_or_masked(builder, lanes, column, columns, take)
-                return context.get_dummy_value()
-
-            return types.void(table, *[types.int64] * 5, target, types.int64), emit
-
-        return turn_in
-
-    def turn_out(self) -> Any:
-        """``turn_out(table, stride, first, last, column, columns, source, place)``: `turn_in` the other way."""
-        lanes = self.lanes
-
-        @intrinsic
-        def turn_out(
-            context: Any, table: Any, stride: Any, first: Any, last: Any, column: Any, columns: Any, source: Any, place: Any
-        ) -> Any:  # fmt: skip
-            def emit(context: Any, builder: Any, form: Any, arguments: Sequence[Any]) -> Any:
-                table, stride, first, last, column, columns, source, place = arguments
-                starts = _row_starts(builder, lanes, builder.gep(table, [column]), stride, first, last)
-
-                def give(mask: Any | None) -> None:
-                    begin = builder.gep(source, [place])
-                    values = [read(builder, begin, k * lanes, lanes) for k in range(lanes)]
-                    for start, row in zip(starts, transpose(builder, values, reading=False), strict=True):
-                        _write_some(builder, row, start, mask)
-
-                _whole_or_masked(builder, lanes, column, columns, give)
-                return context.get_dummy_value()
-
-            return types.void(table, *[types.int64] * 5, source, types.int64), emit
-
-        return turn_out
-
     def lift(self, formula: Formula, outputs: int = 1) -> Any:
         """Make a formula a function that numba's compiled functions can call, with one tuple of all its arguments.
 
@@ -317,27 +280,20 @@ SINGLE = Real("single", types.float32, 16)
 
 @intrinsic
 def integers(context: Any, address: Any) -> Any:
-    """Pointer to 64-bit integers at an address."""
-    return _pointer_form(types.CPointer(types.int64))
+    """``integers(address)``: the pointer to 64-bit integers that lies at an address."""
+    return _pointer_at(types.CPointer(types.int64))
 
 
-def _pointer_to(kind: Any) -> Any:
-    @intrinsic
-    def at(context: Any, address: Any) -> Any:
-        return _pointer_form(kind)
-
-    return at
-
-
-def _pointer_form(kind: Any) -> tuple[Any, Callable[..., Any]]:
+def _pointer_at(kind: Any) -> tuple[Any, Callable[..., Any]]:
     def emit(context: Any, builder: Any, form: Any, arguments: Sequence[Any]) -> Any:
-        return builder.inttoptr(arguments[0], context.get_value_type(kind))
+        pointer = context.get_value_type(kind)
+        return builder.load(builder.inttoptr(arguments[0], pointer.as_pointer()))
 
     return kind(types.int64), emit
 
 
 def _symbols(builder: Any, kind: Any, value: Any) -> Any:
-    if isinstance(kind, types.BaseTuple):
+    if isinstance(kind, types.BaseAnonymousTuple):
         return tuple(Symbol(builder, part) for part in cgutils.unpack_tuple(builder, value))
     return Symbol(builder, value)
 
@@ -353,51 +309,8 @@ def _as_vector(builder: Any, symbol: Symbol, vector: Vector, context: Any) -> An
     return symbol.value if symbol.value.type == kind else splat(builder, symbol.value, kind)
 
 
-def _column_place(builder: Any, k: int, mask: Any, step: Any, column: Any) -> Any:
-    return builder.mul(builder.and_(builder.add(column, ir.Constant(INDEX, k)), mask), step)
-
-
-def _row_starts(builder: Any, lanes: int, pointer: Any, stride: Any, first: Any, last: Any) -> list[Any]:
-    starts = []
-    for lane in range(lanes):
-        row = builder.add(first, ir.Constant(INDEX, lane))
-        row = builder.select(builder.icmp_signed("<", row, last), row, last)
-        starts.append(builder.gep(pointer, [builder.mul(row, stride)]))
-    return starts
-
-
-def _whole_or_masked(builder: Any, lanes: int, column: Any, columns: Any, work: Callable[[Any | None], None]) -> None:
-    """Do the work for whole vectors where so many columns are left, else for the lanes of the columns there are."""
-    left = builder.sub(columns, column)
-    with builder.if_else(builder.icmp_signed(">=", left, ir.Constant(INDEX, lanes)), likely=True) as (whole, part):
-        with whole:
-            work(None)
-        with part:
-            kind = ir.VectorType(INDEX, lanes)
-            work(builder.icmp_signed("<", ir.Constant(kind, list(range(lanes))), splat(builder, left, kind)))
-
-
-def _read_some(builder: Any, start: Any, lanes: int, mask: Any | None) -> Any:
-    if mask is None:
-        return read(builder, start, 0, lanes)
-    kind = ir.VectorType(start.type.pointee, lanes)
-    place = builder.bitcast(start, kind.as_pointer())
-    form = ir.FunctionType(kind, [place.type, ir.IntType(32), mask.type, kind])
-    name = f"llvm.masked.load.{_suffix(kind)}.p0"
-    function = cgutils.get_or_insert_function(builder.module, form, name)
-    return builder.call(function, [place, ir.Constant(ir.IntType(32), 1), mask, ir.Constant(kind, None)])
-
-
-def _write_some(builder: Any, value: Any, start: Any, mask: Any | None) -> None:
-    if mask is None:
-        write(builder, value, start, 0)
-        return
-    place = builder.bitcast(start, value.type.as_pointer())
-    form = ir.FunctionType(ir.VoidType(), [value.type, place.type, ir.IntType(32), mask.type])
-    name = f"llvm.masked.store.{_suffix(value.type)}.p0"
-    function = cgutils.get_or_insert_function(builder.module, form, name)
-    builder.call(function, [value, place, ir.Constant(ir.IntType(32), 1), mask])
-
-
-def _suffix(kind: Any) -> str:
-    return f"v{kind.count}f{64 if kind.element == ir.DoubleType() else 32}"
+def _columns(builder: Any, count: int, view: Any, column: Any) -> list[tuple[Any, Any]]:
+    """Pointer and place of neighbouring columns."""
+    pointer, mask, step = cgutils.unpack_tuple(builder, view)
+    numbers = [builder.add(column, ir.Constant(INDEX, k)) for k in range(count)]
+    return [(pointer, builder.mul(builder.and_(number, mask), step)) for number in numbers]

@@ -34,9 +34,9 @@ ARGUMENTS = {
     "move": "nppp",
     "force": "npppp",
     "carry": "nppp",
-    **dict.fromkeys(("rnea_double", "rnea_double_bodies", "rnea_single", "rnea_single_bodies"), "pnnnp"),
+    **dict.fromkeys(("rnea_double", "rnea_double_bodies", "rnea_single", "rnea_single_bodies"), "nnnnn"),
 }
-"""The kernels, and what each takes: whole numbers (n) and addresses (p)."""
+"""The kernels, and what each takes: whole numbers (n; addresses too) and pointers (p)."""
 
 RANK_WAIT = 10.0
 """Seconds for which a rank waits for the one that builds. It can do without: numpy's versions are right, only slow."""
@@ -52,9 +52,12 @@ _SOURCES = (
     "symbols.py",
     "samplewise.py",
     "lanes.py",
+    "squares.py",
     "trigonometry.py",
     "steps.py",
     "recursion.py",
+    "outwards.py",
+    "inwards.py",
     "plan.py",
     "source.py",
     "library.py",
@@ -302,9 +305,10 @@ def machine_code() -> tuple[bytes, str]:
     from mp2a.kernels.source import KERNELS
 
     whole = llvm.parse_assembly("")
+    array = types.CPointer(types.CPointer(types.float64))
     for name, kernel in KERNELS.items():
-        kinds = [types.int64 if kind == "n" else kernel.pointer for kind in ARGUMENTS[name]]
-        compiled = numba.njit(types.void(*kinds), no_cpython_wrapper=True, no_cfunc_wrapper=True)(kernel.function)
+        kinds = [types.int64 if kind == "n" else array for kind in ARGUMENTS[name]]
+        compiled = numba.njit(types.void(*kinds), no_cpython_wrapper=True, no_cfunc_wrapper=True)(kernel)
         (result,) = compiled.overloads.values()
         inner = result.fndesc.llvm_func_name
         # numba's functions take places for a result and an exception first, and have long names.

@@ -21,8 +21,8 @@ _KINDS = ("revolute", "continuous", "prismatic", "planar", "spherical", "free")
 
 KIND, Q_COLUMN, V_COLUMN, SLOT, FORCE, FROM, KEEP, RETURN, FORK = range(9)
 """Columns of the table of whole numbers. Places are numbers from the start of the scratch memory: of what a body
-leaves for the way back, of its wrench, of its parent's state (-1: the body before it is the parent), of its own state if
-others need it (else -1), and of the parent's wrench."""
+leaves for the way back, of its wrench, of its parent's state (-1: the body before it is the parent), of its own state
+if others need it (else -1), and of the parent's wrench."""
 
 TOPOLOGY = 9
 HOT = 16
@@ -30,6 +30,9 @@ HOT = 16
 FRAME = 22
 """In the second: the user's frame (9), rotation of joints with several degrees of freedom (9), cosine and sine of the
 turn that a fork brings along, and of the joint's angle."""
+
+CACHE_LINE = 64
+"""Bytes. Vectors that lie across two lines take twice the time."""
 
 _RINGS, _WRENCH = 3, 6
 
@@ -46,6 +49,50 @@ FORMATS = {
     np.dtype(np.float64): Format("double", 8, np.dtype(np.float64)),
     np.dtype(np.float32): Format("single", 16, np.dtype(np.float32)),
 }
+
+
+class Job(NamedTuple):
+    """What the kernel is to do; it gets these numbers in this order.
+
+    Of arrays it gets the address of their pointer (`mp2a.kernels.pointer`), of strides the numbers to the next sample,
+    or to the next column where the samples of a column lie together.
+    """
+
+    bodies: int
+    samples: int
+    nq: int
+    nv: int
+    columnwise: int
+    """Whether the samples of a column lie together in q, v, a and the torque, else the columns of a sample."""
+    hot: int
+    frames: int
+    topology: int
+    base: int
+    """``(T or 1, 12)``: the base's angular velocity, angular acceleration, acceleration less gravity, velocity."""
+    base_stride: int
+    tip: int
+    """``(T or 1, 6)``: wrench from outside on the last body."""
+    tip_stride: int
+    external: int
+    """Wrenches from outside on all bodies, or 0."""
+    external_body: int
+    """Numbers to the next body's."""
+    external_sample: int
+    """Numbers to the next sample's; 0 if all samples have the same."""
+    q: int
+    q_stride: int
+    v: int
+    v_stride: int
+    a: int
+    a_stride: int
+    torque: int
+    torque_stride: int
+    output: int
+    """``(n, 18, padded)``: velocity, acceleration and force of each body, where they are asked for."""
+    padded: int
+    """T, made a multiple of the lanes."""
+    root: int
+    """``(6, padded)``: wrench on the base."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +177,8 @@ def make_plan(chain: Chain, format_: Format, *, bodies: bool) -> Plan:
     cold[:, 18], cold[:, 19] = np.cos(frames.fork), np.sin(frames.fork)
     cold[:, 20], cold[:, 21] = np.cos(frames.angle), np.sin(frames.angle)
     topology, vectors = _lay_out(chain, frames, 12 if bodies else 9, lanes)
-    return Plan(hot.astype(format_.dtype), cold.astype(format_.dtype), topology, vectors * lanes)
+    scratch = vectors * lanes + CACHE_LINE // format_.dtype.itemsize
+    return Plan(hot.astype(format_.dtype), cold.astype(format_.dtype), topology, scratch)
 
 
 def _lay_out(chain: Chain, frames: Frames, motion: int, lanes: int) -> tuple[NDArray[np.int64], int]:

@@ -1,36 +1,26 @@
 """Inverse dynamics of many samples: each lane of a vector is a sample, and eight go through the chain and back at once.
 
-What eight samples leave between the way out and the way back fits the cache. Only building the kernels imports this
-module; `mp2a.kernels.plan` says what the kernel works on.
+What eight samples leave between the way out and the way back fits the cache. Where the columns of a sample lie together
+in memory, squares of the input are transposed in registers into a ring of columns just before they are needed, and
+those of the torque likewise behind.
+
+Only building the kernels imports this module; `mp2a.kernels.plan` says what the kernel works on.
 """
 
 from collections.abc import Callable
 from typing import Any
 
-from mp2a.kernels import steps
-from mp2a.kernels.lanes import Real, integers
+import numba
 
-# Names of `plan` that compiled functions use have to be plain global numbers.
-from mp2a.kernels.plan import (
-    FORCE,
-    FORK,
-    FRAME,
-    FREE,
-    FROM,
-    HOT,
-    KEEP,
-    KIND,
-    PLANAR,
-    PRISMATIC,
-    Q_COLUMN,
-    RETURN,
-    REVOLUTE,
-    SLOT,
-    TOPOLOGY,
-    V_COLUMN,
-)
+from mp2a.kernels import steps
+from mp2a.kernels.inwards import inwards
+from mp2a.kernels.lanes import Real, integers
+from mp2a.kernels.outwards import outwards
+from mp2a.kernels.plan import FORCE, FRAME, FROM, HOT, KEEP, Q_COLUMN, RETURN, TOPOLOGY, V_COLUMN
+from mp2a.kernels.squares import gather, turn_in, turn_out
 
 _MOST_Q, _MOST_V = 7, 6
+"""Columns of a body."""
 
 
 def recursion(real: Real, *, bodies: bool) -> Callable[..., None]:
@@ -46,184 +36,139 @@ def recursion(real: Real, *, bodies: bool) -> Callable[..., None]:
     Returns
     -------
     Callable
-        ``f(job, first, last, scratch, verdict)``, for numba: chunks ``first … last - 1`` of the job of `plan.Job`, the
-        addresses of scratch memory and of an integer that becomes 1 if a sample needs to be looked at.
+        ``f(job, first, last, scratch, verdict)``, for numba: chunks ``first … last - 1`` of a `mp2a.kernels.plan.Job`;
+        the addresses of pointers to the job, to scratch memory and to an integer that becomes 1 if a sample is
+        doubtful.
     """
-    lanes, size = real.lanes, real.kind.bitwidth // 8
-    ring = 2 * lanes
+    lanes, ring = real.lanes, 2 * real.lanes
     motion = 12 if bodies else 9
-    at, load, store, zero, is_nan = real.at(), real.load(), real.store(), real.zero(), real.is_nan()
-    put, put_apart, take_two = real.put(), real.put_apart(), real.take_columns(2)
-    take_three, take_four, take_six = real.take_columns(3), real.take_columns(4), real.take_columns(6)
-    take_seven, put_columns = real.take_columns(7), real.put_columns()
-    turn_in, turn_out, gather_six, gather_motion = real.turn_in(), real.turn_out(), real.gather(6), real.gather(motion)
-    two, three, six, nine = real.record(2), real.record(3), real.record(6), real.record(9)
-    three_vectors, six_vectors, nine_vectors = real.vectors(3), real.vectors(6), real.vectors(9)
-    motion_vectors = real.vectors(motion)
-    angle, added_angle = real.lift(steps.angle, 2), real.lift(steps.added_angle, 2)
-    slide, fork, join = real.lift(steps.slide, 3), real.lift(steps.fork, motion), real.lift(steps.join, 6)
-    revolute, prismatic = real.lift(steps.revolute, motion), real.lift(steps.prismatic, motion)
-    general, wrench_of = real.lift(steps.general, motion), real.lift(steps.wrench, 6)
-    wrench_inwards, general_inwards = real.lift(steps.wrench_inwards, 6), real.lift(steps.general_inwards, 6)
-    turned_motion, turned_wrench = real.lift(steps.turned, motion), real.lift(steps.turned, 6)
-    without, total = real.lift(steps.without, 6), real.lift(steps.total, 6)
-    planar, spherical, free = (real.lift(f, 12) for f in (steps.planar, steps.spherical, steps.free))
-    doubt_angle, doubt_length = real.lift(steps.doubt_angle), real.lift(steps.doubt_length)
-    constant_turn = real.lift(lambda offset: (offset[1], offset[0]), 2)
-    doubt_results = real.lift(steps.doubt_results)
-    planar_rates = real.lift(steps.planar_rates, 6)
-    spherical_rates, free_rates = real.lift(steps.spherical_rates, 6), real.lift(steps.free_rates, 6)
+    there, ahead, zero, is_nan, put_apart = real.there(), real.ahead(), real.zero(), real.is_nan(), real.put_apart()
+    gather_six, nine, aligned = gather(real, 6), real.record(9), real.aligned()
+    total, without = real.lift(steps.total, 6), real.lift(steps.without, 6)
+    out, back = _out(real, motion, bodies=bodies), _back(real, bodies=bodies)
+    put, six_vectors = real.put(), real.vectors(6)
 
-    def run(job: Any, first: Any, last: Any, scratch: Any, verdict: Any) -> None:
-        n, samples, nq, nv, columnwise = job[0], job[1], job[2], job[3], job[4]
-        hot, frames, topology = at(job[5]), at(job[6]), integers(job[7])
-        base, base_stride, tip, tip_stride = at(job[8]), job[9], at(job[10]), job[11]
-        outside, outside_body, outside_sample = at(job[12]), job[13], job[14]
-        q, q_stride, v, v_stride, a, a_stride = at(job[15]), job[16], at(job[17]), job[18], at(job[19]), job[20]
-        torque, torque_stride, output, padded, root = at(job[21]), job[22], at(job[23]), job[24], at(job[25])
-        memory = at(scratch)
+    def run(job_at: Any, first: Any, last: Any, scratch_at: Any, verdict_at: Any) -> None:
+        job = integers(job_at)
+        n, samples, columnwise = job[0], job[1], job[4]
+        tables = there(job[5]), there(job[6]), integers(job[7])
+        tip, tip_stride, output, padded = there(job[10]), job[11], there(job[23]), job[24]
+        q, v, a = (there(job[15]), job[16]), (there(job[17]), job[18]), (there(job[19]), job[20])
+        torque = there(job[21]), job[22]
+        memory = aligned(there(scratch_at))
         final = samples - 1
-        q_at, v_at, a_at, torque_at = (
-            memory,
-            at(scratch + ring * lanes * size),
-            at(scratch + 2 * ring * lanes * size),
-            memory,
-        )
-        mask, q_step, v_step, a_step, torque_step = ring - 1, lanes, lanes, lanes, lanes
-        ground = 3 * ring * lanes
+        root = 3 * ring * lanes + motion * lanes
         null = zero()
         nothing = (null, null, null, null, null, null)
         doubt = null
         for chunk in range(first, last):
             begin = chunk * lanes
+            # Where a column is: at (column & mask) * step.
+            views = (
+                (memory, ring - 1, lanes),
+                (ahead(memory, ring * lanes), ring - 1, lanes),
+                (ahead(memory, 2 * ring * lanes), ring - 1, lanes),
+            )
+            target = views[0]
             if columnwise:
+                # The last chunk may begin a little earlier and do some samples again.
                 begin = min(begin, samples - lanes)
-                q_at, v_at, a_at = at(job[15] + begin * size), at(job[17] + begin * size), at(job[19] + begin * size)
-                torque_at = at(job[21] + begin * size)
-                mask, q_step, v_step, a_step, torque_step = -1, q_stride, v_stride, a_stride, torque_stride
-
-            state = gather_motion(base, base_stride, begin, final)
-            put(memory, ground, state)
-            put(memory, ground + motion * lanes, nothing)
-            q_there, v_there = 0, 0
-            for i in range(n):
-                row, record, frame = i * TOPOLOGY, i * HOT, i * FRAME
-                kind, slot = topology[row + KIND], topology[row + SLOT]
-                q_column, v_column = topology[row + Q_COLUMN], topology[row + V_COLUMN]
-                if not columnwise:
-                    if q_there < nq and q_there < q_column + _MOST_Q:
-                        turn_in(q, q_stride, begin, final, q_there, nq, memory, (q_there & mask) * lanes)
-                        q_there += lanes
-                    if v_there < nv and v_there < v_column + _MOST_V:
-                        turn_in(v, v_stride, begin, final, v_there, nv, v_at, (v_there & mask) * lanes)
-                        turn_in(a, a_stride, begin, final, v_there, nv, a_at, (v_there & mask) * lanes)
-                        v_there += lanes
-                if topology[row + FROM] >= 0:
-                    state = motion_vectors(memory, topology[row + FROM])
-                place = three(hot, record + 2)
-                if kind <= PRISMATIC:
-                    if topology[row + FORK]:
-                        state = fork((state, two(frames, frame + 18)))
-                    tilt = two(hot, record)
-                    rate = load(v_at, (v_column & mask) * v_step)
-                    growth = load(a_at, (v_column & mask) * a_step)
-                    if kind == PRISMATIC:
-                        x = load(q_at, (q_column & mask) * q_step)
-                        offset = two(frames, frame + 20)
-                        turn = constant_turn((offset,))
-                        state = prismatic((state, turn + tilt, slide((x, place, tilt)), rate, growth))
-                        store(memory, slot + 8 * lanes, x)
-                    else:
-                        if kind == REVOLUTE:
-                            x = load(q_at, (q_column & mask) * q_step)
-                            doubt = doubt_angle((doubt, x, hot[record + 15]))
-                            turn = angle((x, hot[record + 15]))
-                        else:
-                            pair = take_two(q_at, mask, q_step, q_column)
-                            doubt = doubt_length((doubt, pair))
-                            turn = added_angle((pair[0], pair[1], two(frames, frame + 20)))
-                        state = revolute((state, turn + tilt, place, rate, growth))
-                    put(memory, slot, turn)
-                else:
-                    local = nine(frames, frame + 9)
-                    if kind == PLANAR:
-                        x = take_four(q_at, mask, q_step, q_column)
-                        doubt = doubt_length((doubt, (x[2], x[3])))
-                        pose = planar((x, local, place))
-                        rates = planar_rates((take_three(v_at, mask, v_step, v_column),))
-                        growths = planar_rates((take_three(a_at, mask, a_step, v_column),))
-                    elif kind == FREE:
-                        y = take_seven(q_at, mask, q_step, q_column)
-                        doubt = doubt_length((doubt, (y[3], y[4], y[5], y[6])))
-                        pose = free((y, local, place))
-                        rates = free_rates((take_six(v_at, mask, v_step, v_column),))
-                        growths = free_rates((take_six(a_at, mask, a_step, v_column),))
-                    else:
-                        x = take_four(q_at, mask, q_step, q_column)
-                        doubt = doubt_length((doubt, x))
-                        pose = spherical((x, local, place))
-                        rates = spherical_rates((take_three(v_at, mask, v_step, v_column),))
-                        growths = spherical_rates((take_three(a_at, mask, a_step, v_column),))
-                    put(memory, slot, pose)
-                    state = general((state, pose[0:9], pose[9:12], rates, growths))
-                force = wrench_of((state, hot[record + 5], three(hot, record + 6), six(hot, record + 9)))
-                if job[12]:
-                    external = gather_six(at(job[12] + i * outside_body * size), outside_sample, begin, final)
-                    force = without((force, external, nine(frames, frame)))
-                put(memory, topology[row + FORCE], force)
-                if topology[row + KEEP] >= 0:
-                    put(memory, topology[row + KEEP], state)
-                if bodies:
-                    put_apart(output, i * 18 * padded + begin, padded, turned_motion((state, nine(frames, frame))))
-
-            carried = without((nothing, gather_six(tip, tip_stride, begin, final), nine(frames, (n - 1) * FRAME)))
-            pending = (nv - 1) // lanes * lanes
-            for i in range(n - 1, -1, -1):
-                row, record, frame = i * TOPOLOGY, i * HOT, i * FRAME
-                kind, slot, column = topology[row + KIND], topology[row + SLOT], topology[row + V_COLUMN]
-                force = total((carried, six_vectors(memory, topology[row + FORCE])))
-                if bodies:
-                    put_apart(
-                        output, (i * 18 + 12) * padded + begin, padded, turned_wrench((force, nine(frames, frame)))
-                    )
-                place = three(hot, record + 2)
-                if kind <= PRISMATIC:
-                    tilt = two(hot, record)
-                    turn = load(memory, slot), load(memory, slot + lanes)
-                    if kind == PRISMATIC:
-                        result = (force[5],)
-                        x = load(memory, slot + 8 * lanes)
-                        carried = wrench_inwards((force, turn + tilt, slide((x, place, tilt))))
-                    else:
-                        result = (force[2],)
-                        carried = wrench_inwards((force, turn + tilt, place))
-                    if topology[row + FORK]:
-                        carried = join((carried, two(frames, frame + 18)))
-                    doubt = doubt_results((doubt, result))
-                    put_columns(torque_at, mask, torque_step, column, result)
-                else:
-                    if kind == PLANAR:
-                        doubt = doubt_results((doubt, (force[3], force[4], force[2])))
-                        put_columns(torque_at, mask, torque_step, column, (force[3], force[4], force[2]))
-                    elif kind == FREE:
-                        doubt = doubt_results((doubt, force))
-                        put_columns(torque_at, mask, torque_step, column, force[3:6])
-                        put_columns(torque_at, mask, torque_step, column + 3, force[0:3])
-                    else:
-                        doubt = doubt_results((doubt, force[0:3]))
-                        put_columns(torque_at, mask, torque_step, column, force[0:3])
-                    carried = general_inwards(
-                        (force, nine_vectors(memory, slot), three_vectors(memory, slot + 9 * lanes))
-                    )
-                if topology[row + FROM] >= 0:
-                    to = topology[row + RETURN]
-                    put(memory, to, total((carried, six_vectors(memory, to))))
-                    carried = nothing
-                if not columnwise and column <= pending:
-                    turn_out(torque, torque_stride, begin, final, pending, nv, memory, (pending & mask) * lanes)
-                    pending -= lanes
-            put_apart(root, begin, padded, total((carried, six_vectors(memory, ground + motion * lanes))))
+                views = (
+                    (ahead(q[0], begin), -1, q[1]),
+                    (ahead(v[0], begin), -1, v[1]),
+                    (ahead(a[0], begin), -1, a[1]),
+                )
+                target = (ahead(torque[0], begin), -1, torque[1])
+            put(memory, root, nothing)
+            doubt = out(job, begin, doubt, tables, memory, views, (q, v, a), output, padded)
+            carried = without((nothing, gather_six(tip, tip_stride, begin, final), nine(tables[1], (n - 1) * FRAME)))
+            carried, doubt = back(job, begin, carried, doubt, tables, memory, target, torque, output, padded)
+            put_apart(there(job[25]), begin, padded, total((carried, six_vectors(memory, root))))
         if is_nan(doubt):
-            verdict[0] = 1
+            integers(verdict_at)[0] = 1
 
     return run
+
+
+def _out(real: Real, motion: int, *, bodies: bool) -> Any:
+    """Motion of all bodies, and the wrenches that it takes."""
+    lanes, ring = real.lanes, 2 * real.lanes
+    there, ahead, put, put_apart, fill = real.there(), real.ahead(), real.put(), real.put_apart(), turn_in(real)
+    gather_motion, gather_six, motion_vectors = gather(real, motion), gather(real, 6), real.vectors(motion)
+    three, six, nine = real.record(3), real.record(6), real.record(9)
+    step = outwards(real, motion)
+    wrench_of, without = real.lift(steps.wrench, 6), real.lift(steps.without, 6)
+    reported = real.lift(steps.reported, 12)
+
+    @numba.njit(forceinline=True)
+    def out(
+        job: Any, begin: Any, doubt: Any, tables: Any, memory: Any, views: Any, inputs: Any, output: Any, padded: Any
+    ) -> Any:
+        n, final, nq, nv, columnwise = job[0], job[1] - 1, job[2], job[3], job[4]
+        hot, frames, topology = tables
+        q, v, a = inputs
+        state = gather_motion(there(job[8]), job[9], begin, final)
+        put(memory, 3 * ring * lanes, state)
+        q_there, v_there = 0, 0
+        for i in range(n):
+            row = i * TOPOLOGY
+            if not columnwise:
+                if q_there < nq and q_there < topology[row + Q_COLUMN] + _MOST_Q:
+                    fill(q[0], q[1], begin, final, q_there, nq, views[0][0], (q_there & (ring - 1)) * lanes)
+                    q_there += lanes
+                if v_there < nv and v_there < topology[row + V_COLUMN] + _MOST_V:
+                    fill(v[0], v[1], begin, final, v_there, nv, views[1][0], (v_there & (ring - 1)) * lanes)
+                    fill(a[0], a[1], begin, final, v_there, nv, views[2][0], (v_there & (ring - 1)) * lanes)
+                    v_there += lanes
+            if topology[row + FROM] >= 0:
+                state = motion_vectors(memory, topology[row + FROM])
+            state, doubt = step(i, state, doubt, tables, memory, views)
+            force = wrench_of((state, hot[i * HOT + 5], three(hot, i * HOT + 6), six(hot, i * HOT + 9)))
+            if job[12]:
+                external = gather_six(ahead(there(job[12]), i * job[13]), job[14], begin, final)
+                force = without((force, external, nine(frames, i * FRAME)))
+            put(memory, topology[row + FORCE], force)
+            if topology[row + KEEP] >= 0:
+                put(memory, topology[row + KEEP], state)
+            if bodies:
+                put_apart(output, i * 18 * padded + begin, padded, reported((state, nine(frames, i * FRAME))))
+        return doubt
+
+    return out
+
+
+def _back(real: Real, *, bodies: bool) -> Any:
+    """Wrenches summed up towards the base, and the torques."""
+    lanes, ring = real.lanes, 2 * real.lanes
+    zero, put, put_apart, empty = real.zero(), real.put(), real.put_apart(), turn_out(real)
+    six_vectors, nine = real.vectors(6), real.record(9)
+    step = inwards(real)
+    total, turned = real.lift(steps.total, 6), real.lift(steps.turned, 6)
+
+    @numba.njit(forceinline=True)
+    def back(
+        job: Any, begin: Any, carried: Any, doubt: Any, tables: Any, memory: Any, target: Any, torque: Any, output: Any,
+        padded: Any,
+    ) -> Any:  # fmt: skip
+        n, final, nv, columnwise = job[0], job[1] - 1, job[3], job[4]
+        frames, topology = tables[1], tables[2]
+        null = zero()
+        pending = (nv - 1) // lanes * lanes
+        for i in range(n - 1, -1, -1):
+            row = i * TOPOLOGY
+            force = total((carried, six_vectors(memory, topology[row + FORCE])))
+            if bodies:
+                place = (i * 18 + 12) * padded + begin
+                put_apart(output, place, padded, turned((force, nine(frames, i * FRAME))))
+            carried, doubt = step(i, force, doubt, tables, memory, target)
+            if topology[row + FROM] >= 0:
+                to = topology[row + RETURN]
+                put(memory, to, total((carried, six_vectors(memory, to))))
+                carried = (null, null, null, null, null, null)
+            if not columnwise and topology[row + V_COLUMN] <= pending:
+                at = (pending & (ring - 1)) * lanes
+                empty(torque[0], torque[1], begin, final, pending, nv, memory, at)
+                pending -= lanes
+        return carried, doubt
+
+    return back

@@ -5,10 +5,9 @@ machine code of it. What the formulas mean stands in `mp2a.segments.motion` and 
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numba
-from numba.core import types
 
 from mp2a.kernels.algebra import (
     Numbers,
@@ -123,24 +122,14 @@ def _kernel(formula: Formula, columns: Sequence[int]) -> Callable[..., None]:
     return entries[len(columns)]
 
 
-class Kernel(NamedTuple):
-    """A function for numba, and the type of its pointers."""
-
-    function: Callable[..., None]
-    pointer: Any
-
-
-_ARRAY = types.CPointer(types.CPointer(types.float64))
-_JOB = types.CPointer(types.int64)
-
 KERNELS = {
-    "compose": Kernel(_kernel(_compose, (24, 24)), _ARRAY),
-    "move": Kernel(_kernel(_move, (28, 24)), _ARRAY),
-    "force": Kernel(_kernel(_force, (28, 6, 6)), _ARRAY),
-    "carry": Kernel(_kernel(_carry, (24, 6)), _ARRAY),
-    "rnea_double": Kernel(recursion(DOUBLE, bodies=False), _JOB),
-    "rnea_double_bodies": Kernel(recursion(DOUBLE, bodies=True), _JOB),
-    "rnea_single": Kernel(recursion(SINGLE, bodies=False), _JOB),
-    "rnea_single_bodies": Kernel(recursion(SINGLE, bodies=True), _JOB),
+    "compose": _kernel(_compose, (24, 24)),
+    "move": _kernel(_move, (28, 24)),
+    "force": _kernel(_force, (28, 6, 6)),
+    "carry": _kernel(_carry, (24, 6)),
+    "rnea_double": recursion(DOUBLE, bodies=False),
+    "rnea_double_bodies": recursion(DOUBLE, bodies=True),
+    "rnea_single": recursion(SINGLE, bodies=False),
+    "rnea_single_bodies": recursion(SINGLE, bodies=True),
 }
 """What the shared object holds, by name."""

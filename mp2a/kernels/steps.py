@@ -59,6 +59,11 @@ def added_angle(cosine: Symbol, sine: Symbol, offset: Numbers) -> Numbers:
     return sine * offset[0] + cosine * offset[1], cosine * offset[0] - sine * offset[1]
 
 
+def constant_turn(offset: Numbers) -> Numbers:
+    """Sine and cosine about z of a body that does not turn, from (cosine, sine)."""
+    return offset[1], offset[0]
+
+
 def slide(q: Symbol, place: Numbers, tilt: Numbers) -> Numbers:
     """Place of a prismatic joint's body; ``tilt`` is (cosine, sine) of the angle about x."""
     return place[0], place[1] - tilt[1] * q, place[2] + tilt[0] * q
@@ -123,6 +128,12 @@ def general_inwards(wrench: Numbers, rotation: Numbers, place: Numbers) -> tuple
 def turned(x: Numbers, rotation: Numbers) -> list[Numbers]:
     """Vectors of the body in the user's frame of it."""
     return [apply(rotation, part) for part in _parts(x)]
+
+
+def reported(state: Numbers, rotation: Numbers) -> list[Numbers]:
+    """Velocity and acceleration, [angular; linear] each, in the user's frame of the body."""
+    w, dw, a, v = turned(state, rotation)
+    return [w, v, dw, a]
 
 
 def without(wrench: Numbers, external: Numbers, rotation: Numbers) -> list[Numbers]:

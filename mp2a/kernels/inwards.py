@@ -1,0 +1,68 @@
+"""One body on the way back: its torque, and what it passes to its parent. Only building the kernels imports this."""
+
+from typing import Any
+
+import numba
+
+from mp2a.kernels import steps
+from mp2a.kernels.lanes import Real
+from mp2a.kernels.plan import (
+    FORK,
+    FRAME,
+    FREE,
+    HOT,
+    KIND,
+    PLANAR,
+    PRISMATIC,
+    SLOT,
+    TOPOLOGY,
+    V_COLUMN,
+)
+
+
+def inwards(real: Real) -> Any:
+    """Make the step from a body to its parent.
+
+    Returns
+    -------
+    Callable
+        ``f(i, wrench, doubt, tables, memory, torque)`` to the wrench on the parent and what is doubtful, with the
+        tables of `mp2a.kernels.plan.Plan`, scratch memory and where the torque goes.
+    """
+    lanes = real.lanes
+    load, two, three, put = real.load(), real.record(2), real.record(3), real.put_columns()
+    vectors, rotation = real.vectors(3), real.vectors(9)
+    slide, join = real.lift(steps.slide, 3), real.lift(steps.join, 6)
+    single, general = real.lift(steps.wrench_inwards, 6), real.lift(steps.general_inwards, 6)
+    doubt_results = real.lift(steps.doubt_results)
+
+    @numba.njit(forceinline=True)
+    def step(i: Any, wrench: Any, doubt: Any, tables: Any, memory: Any, torque: Any) -> Any:
+        hot, frames, topology = tables
+        row, record = i * TOPOLOGY, i * HOT
+        kind, slot, column = topology[row + KIND], topology[row + SLOT], topology[row + V_COLUMN]
+        if kind <= PRISMATIC:
+            tilt, place = two(hot, record), three(hot, record + 2)
+            turn = load(memory, slot), load(memory, slot + lanes)
+            if kind == PRISMATIC:
+                result = wrench[5:6]
+                carried = single((wrench, turn + tilt, slide((load(memory, slot + 8 * lanes), place, tilt))))
+            else:
+                result = wrench[2:3]
+                carried = single((wrench, turn + tilt, place))
+            if topology[row + FORK]:
+                carried = join((carried, two(frames, i * FRAME + 18)))
+            put(torque, column, result)
+            doubt = doubt_results((doubt, result))
+        else:
+            if kind == PLANAR:
+                put(torque, column, wrench[3:5] + wrench[2:3])
+            elif kind == FREE:
+                put(torque, column, wrench[3:6] + wrench[0:3])
+            else:
+                put(torque, column, wrench[0:3])
+            doubt = doubt_results((doubt, wrench))
+            carried = general((wrench, rotation(memory, slot), vectors(memory, slot + 9 * lanes)))
+        return carried, doubt
+
+    return step

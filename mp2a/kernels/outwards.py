@@ -1,0 +1,134 @@
+"""One body on the way out: from the motion of its parent to its own. Only building the kernels imports this module."""
+
+from typing import Any
+
+import numba
+
+from mp2a.kernels import steps
+from mp2a.kernels.lanes import Real
+
+# Compiled functions take plain global numbers, not attributes.
+from mp2a.kernels.plan import (
+    FORK,
+    FRAME,
+    FREE,
+    HOT,
+    KIND,
+    PLANAR,
+    PRISMATIC,
+    Q_COLUMN,
+    REVOLUTE,
+    SLOT,
+    TOPOLOGY,
+    V_COLUMN,
+)
+
+
+def outwards(real: Real, motion: int) -> Any:
+    """Make the step to a body.
+
+    Parameters
+    ----------
+    real
+        Number format.
+    motion
+        Numbers of a state, 9 or 12.
+
+    Returns
+    -------
+    Callable
+        ``f(i, state, doubt, tables, memory, views)`` to the body's state and what is doubtful, with the tables of
+        `mp2a.kernels.plan.Plan`, scratch memory, and where q, v and a are. It leaves in the body's slot what the way
+        back needs: sine and cosine about z, or rotation and place.
+    """
+    lanes = real.lanes
+    put, store, two, three, nine = real.put(), real.store(), real.record(2), real.record(3), real.record(9)
+    take = real.take_columns(1)
+    several = _several(real)
+    fork, single, general = real.lift(steps.fork, motion), _single(real, motion), real.lift(steps.general, motion)
+
+    @numba.njit(forceinline=True)
+    def step(i: Any, state: Any, doubt: Any, tables: Any, memory: Any, views: Any) -> Any:
+        hot, frames, topology = tables
+        q, v, a = views
+        row, record, frame = i * TOPOLOGY, i * HOT, i * FRAME
+        slot = topology[row + SLOT]
+        place = three(hot, record + 2)
+        if topology[row + KIND] <= PRISMATIC:
+            if topology[row + FORK]:
+                state = fork((state, two(frames, frame + 18)))
+            rate = take(v, topology[row + V_COLUMN])[0]
+            growth = take(a, topology[row + V_COLUMN])[0]
+            state, doubt, turn, x = single(i, state, doubt, tables, q, place, rate, growth)
+            put(memory, slot, turn)
+            if topology[row + KIND] == PRISMATIC:
+                store(memory, slot + 8 * lanes, x)
+        else:
+            pose, rates, growths, doubt = several(i, doubt, tables, views, nine(frames, frame + 9), place)
+            put(memory, slot, pose)
+            state = general((state, pose[0:9], pose[9:12], rates, growths))
+        return state, doubt
+
+    return step
+
+
+def _single(real: Real, motion: int) -> Any:
+    """Joints with one degree of freedom."""
+    take, take_two, two = real.take_columns(1), real.take_columns(2), real.record(2)
+    angle, added_angle, slide = real.lift(steps.angle, 2), real.lift(steps.added_angle, 2), real.lift(steps.slide, 3)
+    constant_turn = real.lift(steps.constant_turn, 2)
+    revolute, prismatic = real.lift(steps.revolute, motion), real.lift(steps.prismatic, motion)
+    doubt_angle, doubt_length = real.lift(steps.doubt_angle), real.lift(steps.doubt_length)
+
+    @numba.njit(forceinline=True)
+    def single(i: Any, state: Any, doubt: Any, tables: Any, q: Any, place: Any, rate: Any, growth: Any) -> Any:
+        hot, frames, topology = tables
+        kind, column = topology[i * TOPOLOGY + KIND], topology[i * TOPOLOGY + Q_COLUMN]
+        tilt, offset = two(hot, i * HOT), i * FRAME + 20
+        x = take(q, column)[0]
+        if kind == PRISMATIC:
+            turn = constant_turn((two(frames, offset),))
+            state = prismatic((state, turn + tilt, slide((x, place, tilt)), rate, growth))
+        else:
+            if kind == REVOLUTE:
+                turn = angle((x, hot[i * HOT + 15]))
+                doubt = doubt_angle((doubt, x, hot[i * HOT + 15]))
+            else:
+                pair = take_two(q, column)
+                turn = added_angle((pair[0], pair[1], two(frames, offset)))
+                doubt = doubt_length((doubt, pair))
+            state = revolute((state, turn + tilt, place, rate, growth))
+        return state, doubt, turn, x
+
+    return single
+
+
+def _several(real: Real) -> Any:
+    """Joints with several degrees of freedom: pose, rates of both orders, and what is doubtful."""
+    three, four, six, seven = (real.take_columns(count) for count in (3, 4, 6, 7))
+    planar, spherical, free = (real.lift(formula, 12) for formula in (steps.planar, steps.spherical, steps.free))
+    planar_rates, spherical_rates = real.lift(steps.planar_rates, 6), real.lift(steps.spherical_rates, 6)
+    free_rates, doubt_length = real.lift(steps.free_rates, 6), real.lift(steps.doubt_length)
+
+    @numba.njit(forceinline=True)
+    def several(i: Any, doubt: Any, tables: Any, views: Any, frame: Any, place: Any) -> Any:
+        topology = tables[2]
+        q, v, a = views
+        kind, column = topology[i * TOPOLOGY + KIND], topology[i * TOPOLOGY + V_COLUMN]
+        x = four(q, topology[i * TOPOLOGY + Q_COLUMN])
+        if kind == PLANAR:
+            doubt = doubt_length((doubt, x[2:4]))
+            pose = planar((x, frame, place))
+            rates, growths = planar_rates((three(v, column),)), planar_rates((three(a, column),))
+        elif kind == FREE:
+            y = seven(q, topology[i * TOPOLOGY + Q_COLUMN])
+            doubt = doubt_length((doubt, y[3:7]))
+            pose = free((y, frame, place))
+            rates, growths = free_rates((six(v, column),)), free_rates((six(a, column),))
+        else:
+            doubt = doubt_length((doubt, x))
+            pose = spherical((x, frame, place))
+            rates, growths = spherical_rates((three(v, column),)), spherical_rates((three(a, column),))
+        return pose, rates, growths, doubt
+
+    return several
