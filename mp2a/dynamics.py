@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, DTypeLike
 from mp2a.chain import Chain
 from mp2a.checks import count
 from mp2a.exceptions import InputError
-from mp2a.kernels import batch
+from mp2a.kernels import batch, long
 from mp2a.kernels.plan import FORMATS
 from mp2a.leaf import State, check_gravity, check_shapes, check_values
 from mp2a.methods import METHODS, InverseDynamics, serial
@@ -118,7 +118,10 @@ def rnea(
     result = None
     if method == "serial":
         base = np.concatenate((np.zeros(6), -field, np.zeros(3)))
-        result = batch.recursion(chain, state, base, bodies=bodies, threads=threads, dtype=form, out=target)
+        if form == np.float64 and long.fits(chain, state.samples):
+            result = long.recursion(chain, state, base, bodies=bodies, threads=threads)
+        else:
+            result = batch.recursion(chain, state, base, bodies=bodies, threads=threads, dtype=form, out=target)
     if result is None or not result.sound:
         return _checked(chain, state, field, method, bodies, form, target)
     return _report(result.torque, result.bodies, state.single)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Iterator
-from functools import cache
-from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +13,9 @@ from mp2a import cores, kernels
 from mp2a.chain import Chain
 from mp2a.kernels.library import Run
 from mp2a.kernels.plan import FORMATS, Format, Job, Plan, make_plan
+from mp2a.kernels.threads import share
 from mp2a.leaf import State
 from mp2a.spatial import Array
-
-if TYPE_CHECKING:
-    from concurrent.futures import ThreadPoolExecutor
 
 _WORTH_A_THREAD = 20_000
 """Bodies times samples from which on another thread gains more than waking it takes."""
@@ -105,45 +101,35 @@ def recursion(
             at(base), 12 * (base.ndim - 1), at(tip), 6 * (tip.ndim - 1),
             *((0, 0, 0) if external is None else _places(external)),
             at(q), q.strides[along] // size, at(v), v.strides[along] // size, at(a), a.strides[along] // size,
-            at(torque), torque.strides[along] // size, at(output), padded, at(root),
+            at(torque), torque.strides[along] // size, at(output), padded, at(root), 0,
         ),
         dtype=np.int64,
     )  # fmt: skip
-    sound = _share(run, job, plan.scratch, form.dtype, chunks, _threads(threads, len(chain) * samples, chunks))
+    sound = _run(run, job, plan.scratch, form.dtype, chunks, _threads(threads, len(chain) * samples, chunks))
     if out is not None and torque is not out:
         out[...] = torque
         torque = out
     return Result(torque, output[..., :samples] if bodies else None, root[:, :samples], sound)
 
 
-def _share(run: Run, job: NDArray[np.int64], scratch: int, dtype: np.dtype, chunks: int, threads: int) -> bool:
-    """Run a job in some threads, this one among them; tells whether all samples are sound."""
+def _run(run: Run, job: NDArray[np.int64], scratch: int, dtype: np.dtype, chunks: int, threads: int) -> bool:
+    """Run a job in some threads; tells whether all samples are sound."""
+    pieces = 1 if threads == 1 else min(_PIECES * threads, chunks)
 
-    def work(pieces: Iterator[tuple[int, int]]) -> bool:
+    def work(numbers: Iterator[int]) -> bool:
         memory, verdict = np.empty(scratch, dtype), np.zeros(1, np.int64)
-        for first, last in pieces:
-            run(kernels.pointer(job), first, last, kernels.pointer(memory), kernels.pointer(verdict))
+        at = kernels.pointer
+        for k in numbers:
+            run(at(job), k * chunks // pieces, (k + 1) * chunks // pieces, at(memory), at(verdict))
         return not verdict[0]
 
-    if threads == 1:
-        return work(iter([(0, chunks)]))
-    count = min(_PIECES * threads, chunks)
-    pieces = iter(list(pairwise(k * chunks // count for k in range(count + 1))))
-    others = [_pool(threads - 1).submit(work, pieces) for _ in range(threads - 1)]
-    return all([work(pieces), *(other.result() for other in others)])
+    return all(share(work, pieces, threads))
 
 
 def _threads(asked: int | None, work: int, chunks: int) -> int:
     if asked is None:
         asked = min(cores.share(), work // _WORTH_A_THREAD) if work >= 2 * _WORTH_A_THREAD else 1
     return max(1, min(asked, chunks))
-
-
-@cache
-def _pool(workers: int) -> ThreadPoolExecutor:
-    from concurrent.futures import ThreadPoolExecutor
-
-    return ThreadPoolExecutor(workers, thread_name_prefix="mp2a")
 
 
 _plans: dict[tuple[int, str, bool], tuple[weakref.ref[Chain], Plan]] = {}

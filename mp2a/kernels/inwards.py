@@ -14,13 +14,14 @@ from mp2a.kernels.plan import (
     KIND,
     PLANAR,
     PRISMATIC,
+    SCREW,
     SLOT,
     TOPOLOGY,
     V_COLUMN,
 )
 
 
-def inwards(real: Real) -> Any:
+def inwards(real: Real, *, lanewise: bool) -> Any:
     """Make the step from a body to its parent.
 
     Returns
@@ -30,7 +31,8 @@ def inwards(real: Real) -> Any:
         tables of `mp2a.kernels.plan.Plan`, scratch memory and where the torque goes.
     """
     lanes = real.lanes
-    load, two, three, put = real.load(), real.record(2), real.record(3), real.put_columns()
+    load, put, screw_torque = real.load(), real.put_columns(), real.lift(steps.screw_torque)
+    two, three = real.record(2, lanewise=lanewise), real.record(3, lanewise=lanewise)
     vectors, rotation = real.vectors(3), real.vectors(9)
     slide, join = real.lift(steps.slide, 3), real.lift(steps.join, 6)
     single, general = real.lift(steps.wrench_inwards, 6), real.lift(steps.general_inwards, 6)
@@ -41,11 +43,13 @@ def inwards(real: Real) -> Any:
         hot, frames, topology = tables
         row, record = i * TOPOLOGY, i * HOT
         kind, slot, column = topology[row + KIND], topology[row + SLOT], topology[row + V_COLUMN]
-        if kind <= PRISMATIC:
+        if kind <= SCREW:
             tilt, place = two(hot, record), three(hot, record + 2)
             turn = load(memory, slot), load(memory, slot + lanes)
-            if kind == PRISMATIC:
+            if kind >= PRISMATIC:
                 result = wrench[5:6]
+                if kind == SCREW:
+                    result = (screw_torque((wrench, two(frames, i * FRAME + 22))),)
                 carried = single((wrench, turn + tilt, slide((load(memory, slot + 8 * lanes), place, tilt))))
             else:
                 result = wrench[2:3]

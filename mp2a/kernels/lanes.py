@@ -117,17 +117,23 @@ class Real:
 
         return store
 
-    def record(self, count: int) -> Any:
-        """``record(pointer, place)``: tuple of ``count`` numbers."""
-        kind = self.kind
+    def record(self, count: int, *, lanewise: bool = False) -> Any:
+        """``record(pointer, place)``: tuple of ``count`` numbers; with ``lanewise`` of vectors, one for each lane's."""
+        kind = self.vector if lanewise else self.kind
+        lanes = self.lanes
 
         @intrinsic
         def record(context: Any, pointer: Any, place: Any) -> Any:
             result = types.UniTuple(kind, count)
 
             def emit(context: Any, builder: Any, form: Any, arguments: Sequence[Any]) -> Any:
-                start = builder.gep(arguments[0], [arguments[1]])
-                numbers = [builder.load(builder.gep(start, [ir.Constant(INDEX, i)])) for i in range(count)]
+                pointer, place = arguments
+                if lanewise:
+                    start = builder.gep(pointer, [builder.mul(place, ir.Constant(INDEX, lanes))])
+                    numbers = [read(builder, start, i * lanes, lanes) for i in range(count)]
+                else:
+                    start = builder.gep(pointer, [place])
+                    numbers = [builder.load(builder.gep(start, [ir.Constant(INDEX, i)])) for i in range(count)]
                 return context.make_tuple(builder, result, numbers)
 
             return result(pointer, types.int64), emit

@@ -22,8 +22,10 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import mp2a
+from mp2a.cores import usable_cores
 
 Run = Callable[..., None]
 """A kernel. Those of segments are ``f(count, out, *inputs)``: number of samples, and for each array the address of the
@@ -34,8 +36,14 @@ ARGUMENTS = {
     "move": "nppp",
     "force": "npppp",
     "carry": "nppp",
-    **dict.fromkeys(("rnea_double", "rnea_double_bodies", "rnea_single", "rnea_single_bodies"), "nnnnn"),
-}
+    **dict.fromkeys(
+        (
+            "rnea_double", "rnea_double_bodies", "rnea_single", "rnea_single_bodies",
+            "rnea_lanes", "rnea_lanes_bodies", "reach",
+        ),
+        "nnnnn",
+    ),
+}  # fmt: skip
 """The kernels, and what each takes: whole numbers (n; addresses too) and pointers (p)."""
 
 RANK_WAIT = 10.0
@@ -47,21 +55,6 @@ BUILD_LIMIT = 120.0
 _RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK")
 _POLL = 0.05
 _FAILURE_HOLDS = 600.0
-_SOURCES = (
-    "algebra.py",
-    "symbols.py",
-    "samplewise.py",
-    "lanes.py",
-    "squares.py",
-    "trigonometry.py",
-    "steps.py",
-    "recursion.py",
-    "outwards.py",
-    "inwards.py",
-    "plan.py",
-    "source.py",
-    "library.py",
-)
 
 
 class UnavailableError(Exception):
@@ -134,8 +127,7 @@ def _checksum(*contents: bytes) -> str:
 
 def _purpose() -> str:
     """Name what a shared object has to be made for: this processor, and this version of the kernels."""
-    here = Path(__file__).parent
-    sources = [(here / name).read_bytes() for name in _SOURCES]
+    sources = [path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py"))]
     return _checksum(_processor().encode(), platform.machine().encode(), mp2a.__version__.encode(), *sources)
 
 
@@ -276,51 +268,64 @@ def make(folder: str, stem: str) -> None:
     """Compile and link into a folder; what the separate process does."""
     import subprocess
     import tempfile
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
 
     with tempfile.TemporaryDirectory(dir=folder, prefix="building-") as workshop:
-        parts, whole = Path(workshop) / "kernels.o", Path(workshop) / "kernels.so"
-        parts.write_bytes(machine_code()[0])
+        objects, whole = [], Path(workshop) / "kernels.so"
+        with ProcessPoolExecutor(usable_cores(), mp_context=get_context("fork")) as processes:
+            for name, code in zip(ARGUMENTS, processes.map(machine_code, ARGUMENTS), strict=True):
+                objects.append(Path(workshop) / f"{name}.o")
+                objects[-1].write_bytes(code)
         done = subprocess.run(
-            [_linker(), "-shared", "-o", str(whole), str(parts)], capture_output=True, text=True, check=False
+            [_linker(), "-shared", "-o", str(whole), *map(str, objects)], capture_output=True, text=True, check=False
         )
         if done.returncode:
             raise UnavailableError(f"linking failed: {(done.stderr.strip().splitlines() or [''])[-1]}")
         whole.replace(Path(folder) / f"{stem}-{_checksum(whole.read_bytes())}.so")
 
 
-def machine_code() -> tuple[bytes, str]:
-    """Compile the kernels for this processor; imports numba.
+def machine_code(name: str) -> bytes:
+    """Compile a kernel for this processor: an object file with a function ``mp2a_<name>``; imports numba."""
+    target, module = _compile(name)
+    return bytes(target.emit_object(module))
 
-    Returns
-    -------
-    bytes
-        Object file with a function ``mp2a_<name>`` for each kernel.
-    str
-        The same as assembly.
-    """
+
+def assembly(name: str) -> str:
+    """Compile a kernel for this processor; what a person can read of it. Imports numba."""
+    target, module = _compile(name)
+    return str(target.emit_assembly(module))
+
+
+def _compile(name: str) -> tuple[Any, Any]:
     import llvmlite.binding as llvm
     import numba
     from numba import types
 
     from mp2a.kernels.source import KERNELS
 
-    whole = llvm.parse_assembly("")
     array = types.CPointer(types.CPointer(types.float64))
-    for name, kernel in KERNELS.items():
-        kinds = [types.int64 if kind == "n" else array for kind in ARGUMENTS[name]]
-        compiled = numba.njit(types.void(*kinds), no_cpython_wrapper=True, no_cfunc_wrapper=True)(kernel)
-        (result,) = compiled.overloads.values()
-        inner = result.fndesc.llvm_func_name
-        # numba's functions take places for a result and an exception first, and have long names.
-        arguments = ", ".join(f"{'i64' if kind == 'n' else 'ptr'} %a{i}" for i, kind in enumerate(ARGUMENTS[name]))
-        entry = f"""
-            define void @mp2a_{name}({arguments}) {{
-                %result = alloca ptr
-                %exception = alloca ptr
-                %status = call i32 @{inner}(ptr %result, ptr %exception, {arguments})
-                ret void
-            }}"""
-        whole.link_in(llvm.parse_assembly(result.library.get_llvm_str() + entry))
+    form = types.void(*(types.int64 if kind == "n" else array for kind in ARGUMENTS[name]))
+    compiled = numba.njit(form, no_cpython_wrapper=True, no_cfunc_wrapper=True)(KERNELS[name])
+    (result,) = compiled.overloads.values()
+    inner = result.fndesc.llvm_func_name
+    # numba's functions take places for a result and an exception first, and have long names.
+    arguments = ", ".join(f"{'i64' if kind == 'n' else 'ptr'} %a{i}" for i, kind in enumerate(ARGUMENTS[name]))
+    entry = f"""
+        define void @mp2a_{name}({arguments}) {{
+            %result = alloca ptr
+            %exception = alloca ptr
+            %status = call i32 @{inner}(ptr %result, ptr %exception, {arguments})
+            ret void
+        }}"""
+    module = llvm.parse_assembly(result.library.get_llvm_str() + entry)
+    for function in module.functions:
+        # Objects compiled by several processes use the same names.
+        if not function.is_declaration and function.name != f"mp2a_{name}":
+            function.linkage = "internal"
+    for variable in module.global_variables:
+        if not variable.is_declaration:
+            variable.linkage = "internal"
     target = llvm.Target.from_default_triple().create_target_machine(
         cpu=llvm.get_host_cpu_name(),
         features=llvm.get_host_cpu_features().flatten(),
@@ -328,4 +333,4 @@ def machine_code() -> tuple[bytes, str]:
         reloc="pic",
         codemodel="default",
     )
-    return target.emit_object(whole), target.emit_assembly(whole)
+    return target, module

@@ -18,13 +18,14 @@ from mp2a.kernels.plan import (
     PRISMATIC,
     Q_COLUMN,
     REVOLUTE,
+    SCREW,
     SLOT,
     TOPOLOGY,
     V_COLUMN,
 )
 
 
-def outwards(real: Real, motion: int) -> Any:
+def outwards(real: Real, motion: int, *, lanewise: bool) -> Any:
     """Make the step to a body.
 
     Parameters
@@ -33,6 +34,8 @@ def outwards(real: Real, motion: int) -> Any:
         Number format.
     motion
         Numbers of a state, 9 or 12.
+    lanewise
+        Whether each lane has a body of its own, as `mp2a.kernels.long` has them.
 
     Returns
     -------
@@ -42,10 +45,15 @@ def outwards(real: Real, motion: int) -> Any:
         back needs: sine and cosine about z, or rotation and place.
     """
     lanes = real.lanes
-    put, store, two, three, nine = real.put(), real.store(), real.record(2), real.record(3), real.record(9)
+    put, store = real.put(), real.store()
+    two, three, nine = (real.record(count, lanewise=lanewise) for count in (2, 3, 9))
     take = real.take_columns(1)
     several = _several(real)
-    fork, single, general = real.lift(steps.fork, motion), _single(real, motion), real.lift(steps.general, motion)
+    fork, single, general = (
+        real.lift(steps.fork, motion),
+        _single(real, motion, lanewise=lanewise),
+        real.lift(steps.general, motion),
+    )
 
     @numba.njit(forceinline=True)
     def step(i: Any, state: Any, doubt: Any, tables: Any, memory: Any, views: Any) -> Any:
@@ -54,14 +62,14 @@ def outwards(real: Real, motion: int) -> Any:
         row, record, frame = i * TOPOLOGY, i * HOT, i * FRAME
         slot = topology[row + SLOT]
         place = three(hot, record + 2)
-        if topology[row + KIND] <= PRISMATIC:
+        if topology[row + KIND] <= SCREW:
             if topology[row + FORK]:
                 state = fork((state, two(frames, frame + 18)))
             rate = take(v, topology[row + V_COLUMN])[0]
             growth = take(a, topology[row + V_COLUMN])[0]
             state, doubt, turn, x = single(i, state, doubt, tables, q, place, rate, growth)
             put(memory, slot, turn)
-            if topology[row + KIND] == PRISMATIC:
+            if topology[row + KIND] >= PRISMATIC:
                 store(memory, slot + 8 * lanes, x)
         else:
             pose, rates, growths, doubt = several(i, doubt, tables, views, nine(frames, frame + 9), place)
@@ -72,9 +80,11 @@ def outwards(real: Real, motion: int) -> Any:
     return step
 
 
-def _single(real: Real, motion: int) -> Any:
+def _single(real: Real, motion: int, *, lanewise: bool) -> Any:
     """Joints with one degree of freedom."""
-    take, take_two, two = real.take_columns(1), real.take_columns(2), real.record(2)
+    take, take_two = real.take_columns(1), real.take_columns(2)
+    one, two = real.record(1, lanewise=lanewise), real.record(2, lanewise=lanewise)
+    screw, share = real.lift(steps.screw, motion), real.lift(steps.share)
     angle, added_angle, slide = real.lift(steps.angle, 2), real.lift(steps.added_angle, 2), real.lift(steps.slide, 3)
     constant_turn = real.lift(steps.constant_turn, 2)
     revolute, prismatic = real.lift(steps.revolute, motion), real.lift(steps.prismatic, motion)
@@ -89,10 +99,16 @@ def _single(real: Real, motion: int) -> Any:
         if kind == PRISMATIC:
             turn = constant_turn((two(frames, offset),))
             state = prismatic((state, turn + tilt, slide((x, place, tilt)), rate, growth))
+        elif kind == SCREW:
+            shares = two(frames, offset + 2)
+            doubt = doubt_angle((doubt, share((x, shares[0])), one(hot, i * HOT + 15)[0]))
+            turn = angle((share((x, shares[0])), one(hot, i * HOT + 15)[0]))
+            x = share((x, shares[1]))
+            state = screw((state, turn + tilt, slide((x, place, tilt)), rate, growth, shares))
         else:
             if kind == REVOLUTE:
-                turn = angle((x, hot[i * HOT + 15]))
-                doubt = doubt_angle((doubt, x, hot[i * HOT + 15]))
+                turn = angle((x, one(hot, i * HOT + 15)[0]))
+                doubt = doubt_angle((doubt, x, one(hot, i * HOT + 15)[0]))
             else:
                 pair = take_two(q, column)
                 turn = added_angle((pair[0], pair[1], two(frames, offset)))

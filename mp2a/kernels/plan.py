@@ -16,8 +16,12 @@ from numpy.typing import NDArray
 from mp2a.chain import Chain
 from mp2a.spatial import Array, transpose
 
-REVOLUTE, CONTINUOUS, PRISMATIC, PLANAR, SPHERICAL, FREE = range(6)
-_KINDS = ("revolute", "continuous", "prismatic", "planar", "spherical", "free")
+REVOLUTE, CONTINUOUS, PRISMATIC, SCREW, PLANAR, SPHERICAL, FREE = range(7)
+_KINDS = {
+    "revolute": REVOLUTE, "continuous": CONTINUOUS, "prismatic": PRISMATIC,
+    "planar": PLANAR, "spherical": SPHERICAL, "free": FREE,
+}  # fmt: skip
+"""SCREW is no joint of the library: it turns or slides by shares, so that lanes with different joints do the same."""
 
 KIND, Q_COLUMN, V_COLUMN, SLOT, FORCE, FROM, KEEP, RETURN, FORK = range(9)
 """Columns of the table of whole numbers. Places are numbers from the start of the scratch memory: of what a body
@@ -27,9 +31,9 @@ if others need it (else -1), and of the parent's wrench."""
 TOPOLOGY = 9
 HOT = 16
 """Numbers a body in the first table: cosine and sine about x, place (3), mass, moment (3), inertia (6), angle."""
-FRAME = 22
+FRAME = 24
 """In the second: the user's frame (9), rotation of joints with several degrees of freedom (9), cosine and sine of the
-turn that a fork brings along, and of the joint's angle."""
+turn that a fork brings along, cosine and sine of the joint's angle, and how much a `SCREW` turns and slides."""
 
 CACHE_LINE = 64
 """Bytes. Vectors that lie across two lines take twice the time."""
@@ -71,7 +75,8 @@ class Job(NamedTuple):
     """``(T or 1, 12)``: the base's angular velocity, angular acceleration, acceleration less gravity, velocity."""
     base_stride: int
     tip: int
-    """``(T or 1, 6)``: wrench from outside on the last body."""
+    """``(T or 1, 6)``: wrench from outside on the last body. Where each lane has bodies of its own: what the last body
+    passes on, in the frame of the tables."""
     tip_stride: int
     external: int
     """Wrenches from outside on all bodies, or 0."""
@@ -93,6 +98,12 @@ class Job(NamedTuple):
     """T, made a multiple of the lanes."""
     root: int
     """``(6, padded)``: wrench on the base."""
+    again: int
+    """Whether to go the way back only, over what an earlier run left in the scratch memory."""
+
+
+AT = Job(*range(len(Job._fields)))
+"""Place of each number."""
 
 
 @dataclass(frozen=True)
@@ -134,9 +145,8 @@ class Frames(NamedTuple):
 def choose_frames(chain: Chain) -> Frames:
     """Choose the frames of a chain's bodies."""
     n = len(chain)
-    names = {name: kind for kind, name in enumerate(_KINDS)}
-    kinds = np.array([names[joint] for joint in chain.joints])
-    single = kinds <= PRISMATIC
+    kinds = np.array([_KINDS[joint] for joint in chain.joints])
+    single = kinds < PLANAR
     upright = np.tile(np.eye(3), (n, 1, 1))
     upright[single] = _upright(chain.axes[single])
     parents = chain.parents
@@ -176,6 +186,8 @@ def make_plan(chain: Chain, format_: Format, *, bodies: bool) -> Plan:
     cold[:, 9:18] = frames.general.reshape(n, 9)
     cold[:, 18], cold[:, 19] = np.cos(frames.fork), np.sin(frames.fork)
     cold[:, 20], cold[:, 21] = np.cos(frames.angle), np.sin(frames.angle)
+    prismatic = frames.kinds == PRISMATIC
+    cold[:, 22], cold[:, 23] = ~prismatic, prismatic
     topology, vectors = _lay_out(chain, frames, 12 if bodies else 9, lanes)
     scratch = vectors * lanes + CACHE_LINE // format_.dtype.itemsize
     return Plan(hot.astype(format_.dtype), cold.astype(format_.dtype), topology, scratch)
@@ -188,7 +200,7 @@ def _lay_out(chain: Chain, frames: Frames, motion: int, lanes: int) -> tuple[NDA
     apart = parents != np.arange(n) - 1
     kept = np.zeros(n, dtype=bool)
     kept[parents[apart & (parents >= 0)]] = True
-    single, prismatic = frames.kinds <= PRISMATIC, frames.kinds == PRISMATIC
+    single, prismatic = frames.kinds < PLANAR, frames.kinds == PRISMATIC
     sizes = np.where(single, 8 + prismatic, 18) + np.where(kept, motion, 0)
     ends = ground + motion + _WRENCH + np.cumsum(sizes)
     starts = ends - sizes
@@ -204,6 +216,20 @@ def _lay_out(chain: Chain, frames: Frames, motion: int, lanes: int) -> tuple[NDA
     table[:, RETURN] = np.where(rooted, (ground + motion) * lanes, table[parents, FORCE])
     table[:, FORK] = frames.fork != 0
     return table, int(ends[-1])
+
+
+def lay_out_screws(length: int, format_: Format, *, bodies: bool) -> tuple[NDArray[np.int64], int]:
+    """Topology of a block of screws, of which each lane has its own, and the numbers of scratch memory it needs."""
+    lanes, motion = format_.lanes, 12 if bodies else 9
+    root = _RINGS * 2 * lanes + motion
+    order = np.arange(length)
+    table = np.full((length, TOPOLOGY), -1, dtype=np.int64)
+    table[:, KIND], table[:, Q_COLUMN], table[:, V_COLUMN] = SCREW, order, order
+    table[:, SLOT] = (root + _WRENCH + 9 * order) * lanes
+    table[:, FORCE] = table[:, SLOT] + 2 * lanes
+    table[:, RETURN] = root * lanes
+    table[:, FORK] = order == 0
+    return table, (root + _WRENCH + 9 * length) * lanes + CACHE_LINE // format_.dtype.itemsize
 
 
 def _upright(axes: Array) -> Array:

@@ -16,14 +16,14 @@ from mp2a.kernels import steps
 from mp2a.kernels.inwards import inwards
 from mp2a.kernels.lanes import Real, integers
 from mp2a.kernels.outwards import outwards
-from mp2a.kernels.plan import FORCE, FRAME, FROM, HOT, KEEP, Q_COLUMN, RETURN, TOPOLOGY, V_COLUMN
+from mp2a.kernels.plan import AT, FORCE, FRAME, FROM, HOT, KEEP, Q_COLUMN, RETURN, TOPOLOGY, V_COLUMN
 from mp2a.kernels.squares import gather, turn_in, turn_out
 
 _MOST_Q, _MOST_V = 7, 6
 """Columns of a body."""
 
 
-def recursion(real: Real, *, bodies: bool) -> Callable[..., None]:
+def recursion(real: Real, *, bodies: bool, lanewise: bool = False) -> Callable[..., None]:
     """Make the kernel of a number format.
 
     Parameters
@@ -32,6 +32,8 @@ def recursion(real: Real, *, bodies: bool) -> Callable[..., None]:
         The format.
     bodies
         Whether velocity, acceleration and force of every body are asked for as well.
+    lanewise
+        Whether each lane has bodies of its own, as `mp2a.kernels.long` has them, instead of samples of the same.
 
     Returns
     -------
@@ -43,18 +45,23 @@ def recursion(real: Real, *, bodies: bool) -> Callable[..., None]:
     lanes, ring = real.lanes, 2 * real.lanes
     motion = 12 if bodies else 9
     there, ahead, zero, is_nan, put_apart = real.there(), real.ahead(), real.zero(), real.is_nan(), real.put_apart()
-    gather_six, nine, aligned = gather(real, 6), real.record(9), real.aligned()
+    gather_six, nine, aligned = gather(real, 6), real.record(9, lanewise=lanewise), real.aligned()
     total, without = real.lift(steps.total, 6), real.lift(steps.without, 6)
-    out, back = _out(real, motion, bodies=bodies), _back(real, bodies=bodies)
+    out = _out(real, motion, bodies=bodies, lanewise=lanewise)
+    back = _back(real, bodies=bodies, lanewise=lanewise)
     put, six_vectors = real.put(), real.vectors(6)
 
     def run(job_at: Any, first: Any, last: Any, scratch_at: Any, verdict_at: Any) -> None:
         job = integers(job_at)
-        n, samples, columnwise = job[0], job[1], job[4]
-        tables = there(job[5]), there(job[6]), integers(job[7])
-        tip, tip_stride, output, padded = there(job[10]), job[11], there(job[23]), job[24]
-        q, v, a = (there(job[15]), job[16]), (there(job[17]), job[18]), (there(job[19]), job[20])
-        torque = there(job[21]), job[22]
+        n, samples, columnwise = job[AT.bodies], job[AT.samples], job[AT.columnwise]
+        tables = there(job[AT.hot]), there(job[AT.frames]), integers(job[AT.topology])
+        tip, tip_stride, output, padded = there(job[AT.tip]), job[AT.tip_stride], there(job[AT.output]), job[AT.padded]
+        q, v, a = (
+            (there(job[AT.q]), job[AT.q_stride]),
+            (there(job[AT.v]), job[AT.v_stride]),
+            (there(job[AT.a]), job[AT.a_stride]),
+        )
+        torque = there(job[AT.torque]), job[AT.torque_stride]
         memory = aligned(there(scratch_at))
         final = samples - 1
         root = 3 * ring * lanes + motion * lanes
@@ -80,23 +87,26 @@ def recursion(real: Real, *, bodies: bool) -> Callable[..., None]:
                 )
                 target = (ahead(torque[0], begin), -1, torque[1])
             put(memory, root, nothing)
-            doubt = out(job, begin, doubt, tables, memory, views, (q, v, a), output, padded)
-            carried = without((nothing, gather_six(tip, tip_stride, begin, final), nine(tables[1], (n - 1) * FRAME)))
+            if not job[AT.again]:
+                doubt = out(job, begin, doubt, tables, memory, views, (q, v, a), output, padded)
+            carried = gather_six(tip, tip_stride, begin, final)
+            if not lanewise:
+                carried = without((nothing, carried, nine(tables[1], (n - 1) * FRAME)))
             carried, doubt = back(job, begin, carried, doubt, tables, memory, target, torque, output, padded)
-            put_apart(there(job[25]), begin, padded, total((carried, six_vectors(memory, root))))
+            put_apart(there(job[AT.root]), begin, padded, total((carried, six_vectors(memory, root))))
         if is_nan(doubt):
             integers(verdict_at)[0] = 1
 
     return run
 
 
-def _out(real: Real, motion: int, *, bodies: bool) -> Any:
+def _out(real: Real, motion: int, *, bodies: bool, lanewise: bool) -> Any:
     """Motion of all bodies, and the wrenches that it takes."""
     lanes, ring = real.lanes, 2 * real.lanes
     there, ahead, put, put_apart, fill = real.there(), real.ahead(), real.put(), real.put_apart(), turn_in(real)
     gather_motion, gather_six, motion_vectors = gather(real, motion), gather(real, 6), real.vectors(motion)
-    three, six, nine = real.record(3), real.record(6), real.record(9)
-    step = outwards(real, motion)
+    one, three, six, nine = (real.record(count, lanewise=lanewise) for count in (1, 3, 6, 9))
+    step = outwards(real, motion, lanewise=lanewise)
     wrench_of, without = real.lift(steps.wrench, 6), real.lift(steps.without, 6)
     reported = real.lift(steps.reported, 12)
 
@@ -104,10 +114,10 @@ def _out(real: Real, motion: int, *, bodies: bool) -> Any:
     def out(
         job: Any, begin: Any, doubt: Any, tables: Any, memory: Any, views: Any, inputs: Any, output: Any, padded: Any
     ) -> Any:
-        n, final, nq, nv, columnwise = job[0], job[1] - 1, job[2], job[3], job[4]
+        n, final, nq, nv, columnwise = job[AT.bodies], job[AT.samples] - 1, job[AT.nq], job[AT.nv], job[AT.columnwise]
         hot, frames, topology = tables
         q, v, a = inputs
-        state = gather_motion(there(job[8]), job[9], begin, final)
+        state = gather_motion(there(job[AT.base]), job[AT.base_stride], begin, final)
         put(memory, 3 * ring * lanes, state)
         q_there, v_there = 0, 0
         for i in range(n):
@@ -123,9 +133,10 @@ def _out(real: Real, motion: int, *, bodies: bool) -> Any:
             if topology[row + FROM] >= 0:
                 state = motion_vectors(memory, topology[row + FROM])
             state, doubt = step(i, state, doubt, tables, memory, views)
-            force = wrench_of((state, hot[i * HOT + 5], three(hot, i * HOT + 6), six(hot, i * HOT + 9)))
-            if job[12]:
-                external = gather_six(ahead(there(job[12]), i * job[13]), job[14], begin, final)
+            force = wrench_of((state, one(hot, i * HOT + 5)[0], three(hot, i * HOT + 6), six(hot, i * HOT + 9)))
+            if job[AT.external]:
+                begins = ahead(there(job[AT.external]), i * job[AT.external_body])
+                external = gather_six(begins, job[AT.external_sample], begin, final)
                 force = without((force, external, nine(frames, i * FRAME)))
             put(memory, topology[row + FORCE], force)
             if topology[row + KEEP] >= 0:
@@ -137,12 +148,12 @@ def _out(real: Real, motion: int, *, bodies: bool) -> Any:
     return out
 
 
-def _back(real: Real, *, bodies: bool) -> Any:
+def _back(real: Real, *, bodies: bool, lanewise: bool) -> Any:
     """Wrenches summed up towards the base, and the torques."""
     lanes, ring = real.lanes, 2 * real.lanes
     zero, put, put_apart, empty = real.zero(), real.put(), real.put_apart(), turn_out(real)
-    six_vectors, nine = real.vectors(6), real.record(9)
-    step = inwards(real)
+    six_vectors, nine = real.vectors(6), real.record(9, lanewise=lanewise)
+    step = inwards(real, lanewise=lanewise)
     total, turned = real.lift(steps.total, 6), real.lift(steps.turned, 6)
 
     @numba.njit(forceinline=True)
@@ -150,7 +161,7 @@ def _back(real: Real, *, bodies: bool) -> Any:
         job: Any, begin: Any, carried: Any, doubt: Any, tables: Any, memory: Any, target: Any, torque: Any, output: Any,
         padded: Any,
     ) -> Any:  # fmt: skip
-        n, final, nv, columnwise = job[0], job[1] - 1, job[3], job[4]
+        n, final, nv, columnwise = job[AT.bodies], job[AT.samples] - 1, job[AT.nv], job[AT.columnwise]
         frames, topology = tables[1], tables[2]
         null = zero()
         pending = (nv - 1) // lanes * lanes

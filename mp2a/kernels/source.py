@@ -24,6 +24,7 @@ from mp2a.kernels.algebra import (
     twice_turning,
 )
 from mp2a.kernels.lanes import DOUBLE, SINGLE
+from mp2a.kernels.reach import reach
 from mp2a.kernels.recursion import recursion
 from mp2a.kernels.samplewise import samplewise
 from mp2a.kernels.symbols import LANES, Formula
@@ -129,6 +130,9 @@ KERNELS = {
     "carry": _kernel(_carry, (24, 6)),
     "rnea_double": recursion(DOUBLE, bodies=False),
     "rnea_double_bodies": recursion(DOUBLE, bodies=True),
+    "rnea_lanes": recursion(DOUBLE, bodies=False, lanewise=True),
+    "rnea_lanes_bodies": recursion(DOUBLE, bodies=True, lanewise=True),
+    "reach": reach(DOUBLE),
     "rnea_single": recursion(SINGLE, bodies=False),
     "rnea_single_bodies": recursion(SINGLE, bodies=True),
 }

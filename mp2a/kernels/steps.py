@@ -95,6 +95,45 @@ def prismatic(state: Numbers, turn: Numbers, place: Numbers, rate: Symbol, growt
     return w, dw, a, *((x[0], x[1], x[2] + rate) for x in v)
 
 
+def screw(
+    state: Numbers, turn: Numbers, place: Numbers, rate: Symbol, growth: Symbol, shares: Numbers
+) -> tuple[Numbers, ...]:
+    """State of a body that turns about z and slides along it by shares, one of which is 1 and the other 0."""
+    w, dw, a, *v = (_outwards(turn, x) for x in _carried(state, place))
+    turning, sliding = shares[0] * rate, shares[1] * rate
+    dw = dw[0] + w[1] * turning, dw[1] - w[0] * turning, dw[2] + shares[0] * growth
+    a = a[0] + 2.0 * w[1] * sliding, a[1] - 2.0 * w[0] * sliding, a[2] + shares[1] * growth
+    return (w[0], w[1], w[2] + turning), dw, a, *((x[0], x[1], x[2] + sliding) for x in v)
+
+
+def no_path(zero: Symbol) -> Numbers:
+    """Path from a body to itself."""
+    one = zero.constant(1.0)
+    return (zero,) * 12 + (one, zero, zero, zero, one, zero, zero, zero, one) + (zero,) * 3
+
+
+def reach(
+    path: Numbers, turn: Numbers, place: Numbers, rate: Symbol, growth: Symbol, shares: Numbers
+) -> tuple[Numbers, ...]:
+    """Path to a body's parent, made longer by the body: state (12), rotation (9) and place (3) seen from its start."""
+    rows = path[12:15], path[15:18], path[18:21]
+    there = tuple(
+        at + (row[0] * place[0] + row[1] * place[1] + row[2] * place[2])
+        for at, row in zip(path[21:24], rows, strict=True)
+    )
+    return *screw(path[0:12], turn, place, rate, growth, shares), *(_outwards(turn, row) for row in rows), there
+
+
+def share(x: Symbol, part: Symbol) -> Symbol:
+    """Part of a number."""
+    return x * part
+
+
+def screw_torque(wrench: Numbers, shares: Numbers) -> Symbol:
+    """Torque or force of a `screw`."""
+    return wrench[2] * shares[0] + wrench[5] * shares[1]
+
+
 def general(state: Numbers, rotation: Numbers, place: Numbers, rates: Numbers, growths: Numbers) -> tuple[Numbers, ...]:
     """State of a body with any rotation and place; rates and growths are [angular; linear] in its own frame."""
     w, dw, a, *v = (apply_transposed(rotation, x) for x in _carried(state, place))
