@@ -3,7 +3,6 @@
 import fcntl
 import importlib.util
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -17,7 +16,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mp2a import kernels
-from mp2a.kernels import library
 
 COLUMNS = {"compose": (24, 24), "move": (28, 24), "force": (28, 6, 6), "carry": (24, 6)}
 BUILDS = importlib.util.find_spec("numba") is not None and shutil.which("cc") is not None
@@ -190,21 +188,6 @@ def test_wrong_shapes_are_refused(name):
         kernel(inputs[0][:3], *inputs[1:])
     with pytest.raises(ValueError, match="out must have shape"):
         kernel(*inputs, out=np.empty((4, kernel(*inputs).shape[-1])))
-
-
-@builds
-def test_machine_code_has_vector_instructions():
-    import llvmlite.binding as llvm
-
-    features = llvm.get_host_cpu_features()
-    if not (features.get("avx2") and features.get("fma")):
-        pytest.skip("this processor has other instructions")
-    wide = "zmm" if features.get("avx512f") else "ymm"
-    _, assembly = library.machine_code()
-    bodies = re.split(r"\.type\s+\S+,@function", assembly)[1:]
-    fused = [len(re.findall(rf"vfn?m(?:add|sub)\d+pd.*%?{wide}", body)) for body in bodies]
-    # carry fuses 15 operations, and the others more.
-    assert sum(count >= 15 for count in fused) == len(COLUMNS)
 
 
 @builds

@@ -27,8 +27,8 @@ def inwards(real: Real, *, lanewise: bool) -> Any:
     Returns
     -------
     Callable
-        ``f(i, wrench, doubt, tables, memory, torque)`` to the wrench on the parent and what is doubtful, with the
-        tables of `mp2a.kernels.plan.Plan`, scratch memory and where the torque goes.
+        ``f(i, wrench, tables, memory, torque)`` to the wrench on the parent, with the tables of
+        `mp2a.kernels.plan.Plan`, scratch memory and where the torque goes.
     """
     lanes = real.lanes
     load, put, screw_torque = real.load(), real.put_columns(), real.lift(steps.screw_torque)
@@ -36,10 +36,9 @@ def inwards(real: Real, *, lanewise: bool) -> Any:
     vectors, rotation = real.vectors(3), real.vectors(9)
     slide, join = real.lift(steps.slide, 3), real.lift(steps.join, 6)
     single, general = real.lift(steps.wrench_inwards, 6), real.lift(steps.general_inwards, 6)
-    doubt_results = real.lift(steps.doubt_results)
 
     @numba.njit(forceinline=True)
-    def step(i: Any, wrench: Any, doubt: Any, tables: Any, memory: Any, torque: Any) -> Any:
+    def step(i: Any, wrench: Any, tables: Any, memory: Any, torque: Any) -> Any:
         hot, frames, topology = tables
         row, record = i * TOPOLOGY, i * HOT
         kind, slot, column = topology[row + KIND], topology[row + SLOT], topology[row + V_COLUMN]
@@ -57,7 +56,6 @@ def inwards(real: Real, *, lanewise: bool) -> Any:
             if topology[row + FORK]:
                 carried = join((carried, two(frames, i * FRAME + 18)))
             put(torque, column, result)
-            doubt = doubt_results((doubt, result))
         else:
             if kind == PLANAR:
                 put(torque, column, wrench[3:5] + wrench[2:3])
@@ -65,8 +63,7 @@ def inwards(real: Real, *, lanewise: bool) -> Any:
                 put(torque, column, wrench[3:6] + wrench[0:3])
             else:
                 put(torque, column, wrench[0:3])
-            doubt = doubt_results((doubt, wrench))
             carried = general((wrench, rotation(memory, slot), vectors(memory, slot + 9 * lanes)))
-        return carried, doubt
+        return carried
 
     return step

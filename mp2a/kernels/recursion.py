@@ -49,7 +49,7 @@ def recursion(real: Real, *, bodies: bool, lanewise: bool = False) -> Callable[.
     total, without = real.lift(steps.total, 6), real.lift(steps.without, 6)
     out = _out(real, motion, bodies=bodies, lanewise=lanewise)
     back = _back(real, bodies=bodies, lanewise=lanewise)
-    put, six_vectors = real.put(), real.vectors(6)
+    put, six_vectors, doubt_results = real.put(), real.vectors(6), real.lift(steps.doubt_results)
 
     def run(job_at: Any, first: Any, last: Any, scratch_at: Any, verdict_at: Any) -> None:
         job = integers(job_at)
@@ -92,8 +92,11 @@ def recursion(real: Real, *, bodies: bool, lanewise: bool = False) -> Callable[.
             carried = gather_six(tip, tip_stride, begin, final)
             if not lanewise:
                 carried = without((nothing, carried, nine(tables[1], (n - 1) * FRAME)))
-            carried, doubt = back(job, begin, carried, doubt, tables, memory, target, torque, output, padded)
-            put_apart(there(job[AT.root]), begin, padded, total((carried, six_vectors(memory, root))))
+            carried = back(job, begin, carried, tables, memory, target, torque, output, padded)
+            carried = total((carried, six_vectors(memory, root)))
+            # What is not finite anywhere ends up here.
+            doubt = doubt_results((doubt, carried))
+            put_apart(there(job[AT.root]), begin, padded, carried)
         if is_nan(doubt):
             integers(verdict_at)[0] = 1
 
@@ -158,7 +161,7 @@ def _back(real: Real, *, bodies: bool, lanewise: bool) -> Any:
 
     @numba.njit(forceinline=True)
     def back(
-        job: Any, begin: Any, carried: Any, doubt: Any, tables: Any, memory: Any, target: Any, torque: Any, output: Any,
+        job: Any, begin: Any, carried: Any, tables: Any, memory: Any, target: Any, torque: Any, output: Any,
         padded: Any,
     ) -> Any:  # fmt: skip
         n, final, nv, columnwise = job[AT.bodies], job[AT.samples] - 1, job[AT.nv], job[AT.columnwise]
@@ -171,7 +174,7 @@ def _back(real: Real, *, bodies: bool, lanewise: bool) -> Any:
             if bodies:
                 place = (i * 18 + 12) * padded + begin
                 put_apart(output, place, padded, turned((force, nine(frames, i * FRAME))))
-            carried, doubt = step(i, force, doubt, tables, memory, target)
+            carried = step(i, force, tables, memory, target)
             if topology[row + FROM] >= 0:
                 to = topology[row + RETURN]
                 put(memory, to, total((carried, six_vectors(memory, to))))
@@ -180,6 +183,6 @@ def _back(real: Real, *, bodies: bool, lanewise: bool) -> Any:
                 at = (pending & (ring - 1)) * lanes
                 empty(torque[0], torque[1], begin, final, pending, nv, memory, at)
                 pending -= lanes
-        return carried, doubt
+        return carried
 
     return back

@@ -1,0 +1,324 @@
+"""The compiled recursion gives what numpy's gives, for any chain, layout and number of samples; bad input is noticed."""
+
+import dataclasses
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import ALL_JOINTS, random_forest, random_load, relative_error
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import mp2a
+from mp2a import Chain, InputError, cores, kernels
+from mp2a.kernels import batch, library, long
+from mp2a.leaf import check_shapes, check_state
+from mp2a.methods import serial
+from mp2a.spatial import to_linear_first
+
+RESULTS = ("velocity", "acceleration", "force", "torque")
+EARTH = np.array([0.0, 0, 0, 0, 0, 0, 0, 0, 9.81, 0, 0, 0])
+
+pytestmark = pytest.mark.skipif(not kernels.load().compiled, reason="no compiled kernels here")
+seeds = st.integers(0, 2**32 - 1)
+
+
+def by_numpy(chain, state, forces, gravity):
+    """What numpy's recursion gives, samples first."""
+    found = serial(chain, check_state(chain, *state, forces), gravity)
+    bodies = (x.swapaxes(0, 1) for x in (found.velocity, found.acceleration, found.force))
+    return mp2a.InverseDynamics(*bodies, found.torque)
+
+
+def agree(found, expected, tolerance):
+    for name in RESULTS:
+        a, b = getattr(found, name), getattr(expected, name)
+        assert a.shape == b.shape
+        assert relative_error(a, b) <= tolerance, name
+
+
+LAYOUTS = {
+    "rows": np.ascontiguousarray,
+    "columns": np.asfortranarray,
+    "every other row": lambda x: np.repeat(x, 2, axis=0)[::2],
+    "every other column": lambda x: np.repeat(x, 2, axis=1)[:, ::2],
+    "backwards": lambda x: np.ascontiguousarray(x[::-1])[::-1],
+    "part of rows": lambda x: np.hstack((x, x))[:, : x.shape[1]],
+    "part of columns": lambda x: np.asfortranarray(np.vstack((x, x)))[: len(x)],
+}
+
+
+@given(
+    n=st.integers(1, 20),
+    samples=st.integers(1, 35),
+    branching=st.integers(1, 4),
+    seed=seeds,
+    layouts=st.tuples(*[st.sampled_from(sorted(LAYOUTS))] * 3),
+    force=st.sampled_from(("none", "constant", "each")),
+    threads=st.integers(1, 3),
+)
+@settings(max_examples=150)
+def test_equals_numpy(n, samples, branching, seed, layouts, force, threads):
+    chain = random_forest(n, seed, branching)
+    state = chain.random_state(samples, seed)
+    forces, gravity = random_load(chain, samples if force == "each" else None, seed)
+    forces = None if force == "none" else forces
+    laid_out = [LAYOUTS[layout](x) for layout, x in zip(layouts, state, strict=True)]
+    found = mp2a.rnea(chain, *laid_out, forces, gravity, bodies=True, threads=threads)
+    agree(found, by_numpy(chain, state, forces, gravity), 1e-12)
+    torque = mp2a.rnea(chain, *laid_out, forces, gravity, threads=threads)
+    assert relative_error(torque, found.torque) <= 1e-13
+
+
+@given(n=st.integers(1, 12), samples=st.integers(1, 40), seed=seeds, columns=st.booleans())
+@settings(max_examples=40)
+def test_single_precision(n, samples, seed, columns):
+    chain = random_forest(n, seed, 2)
+    state = [np.asarray(x, dtype=np.float32, order="F" if columns else "C") for x in chain.random_state(samples, seed)]
+    found = mp2a.rnea(chain, *state, bodies=True, dtype=np.float32)
+    assert all(getattr(found, name).dtype == np.float32 for name in RESULTS)
+    units = [x.astype(float) for x in state]
+    assert relative_error(found.torque, mp2a.rnea(chain, *units)) <= 1e-3
+
+
+def test_results_are_laid_out_as_the_input_is():
+    chain = Chain.random(5)
+    state = chain.random_state(24)
+    assert mp2a.rnea(chain, *state).flags.c_contiguous
+    columns = [np.ascontiguousarray(x.T) for x in state]
+    torque = mp2a.rnea(chain, *(x.T for x in columns))
+    assert torque.T.flags.c_contiguous
+    assert relative_error(torque, mp2a.rnea(chain, *state)) <= 1e-14
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_torques_go_where_they_are_told(layout):
+    chain = Chain.random(6, joints=ALL_JOINTS)
+    state = chain.random_state(21)
+    out = LAYOUTS[layout](np.full((21, chain.nv), np.nan))
+    assert mp2a.rnea(chain, *state, out=out) is out
+    assert np.array_equal(out, mp2a.rnea(chain, *state))
+    one = np.empty(chain.nv)
+    assert mp2a.rnea(chain, *(x[3] for x in state), out=one).base is not None
+    assert relative_error(one, out[3]) <= 1e-13
+
+
+@pytest.mark.parametrize("order", "CF")
+@pytest.mark.parametrize("which", [1, 2])
+def test_torques_may_replace_the_input(order, which):
+    chain = Chain.random(9)
+    state = [np.asarray(x, order=order) for x in chain.random_state(21)]
+    expected = mp2a.rnea(chain, *state)
+    assert np.array_equal(mp2a.rnea(chain, *state, out=state[which]), expected)
+    assert np.array_equal(state[which], expected)
+
+
+@pytest.mark.parametrize(
+    "argument, word",
+    [
+        ({"out": np.empty((4, 3))}, r"out: got float64 \(4, 3\), expected a writeable array of float64 \(5, 3\)"),
+        ({"out": np.empty((5, 3), np.float32)}, "out: got float32"),
+        ({"out": [0.0]}, "out: got list"),
+        ({"out": np.broadcast_to(0.0, (5, 3))}, "out: got"),
+        ({"dtype": np.int64}, "dtype: got int64, expected float64 or float32"),
+        ({"dtype": "nonsense"}, "dtype: got 'nonsense'"),
+        ({"threads": 0}, "threads: got 0"),
+        ({"threads": 1.5}, "threads: got 1.5"),
+    ],
+)
+def test_wrong_arguments_are_refused(argument, word):
+    chain = Chain.random(3)
+    with pytest.raises(InputError, match=word):
+        mp2a.rnea(chain, *chain.random_state(5), **argument)
+
+
+@given(n=st.integers(1, 12), samples=st.integers(1, 30), data=st.data(), seed=seeds)
+def test_what_is_not_a_number_stays_in_its_sample(n, samples, data, seed):
+    chain = random_forest(n, seed, 3)
+    clean = check_shapes(chain, *chain.random_state(samples, seed), np.zeros((samples, n, 6)))
+    expected = batch.recursion(chain, clean, EARTH)
+    assert expected.sound
+    which = data.draw(st.sampled_from(("q", "v", "a", "external")))
+    bad = data.draw(st.integers(0, samples - 1))
+    spoiled = np.array(getattr(clean, which), copy=True)
+    row = spoiled[:, bad] if which == "external" else spoiled[bad]
+    row[data.draw(st.integers(0, len(row) - 1))] = np.nan
+    found = batch.recursion(chain, clean._replace(**{which: spoiled}), EARTH)
+    others = np.arange(samples) != bad
+    assert np.array_equal(found.torque[others], expected.torque[others])
+    # A torque need not depend on it (a sliding joint on the base), but what the base feels does.
+    assert np.isnan(found.root[:, bad]).any()
+    assert np.isnan(found.torque[bad]).any() or n == 1
+    assert not found.sound
+
+
+@pytest.mark.parametrize("samples", [None, 11])
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+@pytest.mark.parametrize("which", range(4))
+def test_numbers_that_are_not_finite_are_named(samples, number, which):
+    chain = Chain.random(7, joints=ALL_JOINTS)
+    state = [*chain.random_state(samples), np.zeros((7, 6) if samples is None else (samples, 7, 6))]
+    state[which][..., 4] = number
+    name = ("q", "v", "a", "external_forces")[which]
+    with pytest.raises(InputError, match=f"{name}: got {number}"):
+        mp2a.rnea(chain, *state)
+
+
+@given(angle=st.floats(-1e6, 1e6), seed=seeds)
+def test_sine_and_cosine_to_rounding(angle, seed):
+    """A pendulum's torques are the cosine and the sine of its angle."""
+    chain = Chain.uniform(1, offset=(2.0, 0.0, 0.0))
+    angles = np.append(np.random.default_rng(seed).uniform(-10, 10, 30), angle)[:, None]
+    still = np.zeros_like(angles)
+    sine = mp2a.rnea(chain, angles, still, still, gravity=(1.0, 0, 0))
+    cosine = mp2a.rnea(chain, angles, still, still, gravity=(0, -1.0, 0))
+    assert np.max(np.abs(sine - np.sin(angles))) < 3e-16
+    assert np.max(np.abs(cosine - np.cos(angles))) < 3e-16
+
+
+@pytest.mark.parametrize("angle", [1.1e6, -3e8, 1e15])
+def test_very_large_angles(angle):
+    chain = Chain.random(5)
+    q, v, a = chain.random_state(12)
+    q[7, 2] = angle
+    assert not batch.recursion(chain, check_shapes(chain, q, v, a, None), EARTH).sound
+    expected = by_numpy(chain, (q, v, a), None, np.array([0, 0, -9.81]))
+    assert relative_error(mp2a.rnea(chain, q, v, a), expected.torque) <= 1e-13
+
+
+@given(n=st.integers(1, 8), samples=st.integers(1, 12), seed=seeds, moving=st.booleans())
+@settings(max_examples=30)
+def test_base_moves_and_tip_is_pushed(n, samples, seed, moving):
+    """A moving base is a free joint that moves like it; a push on the tip is an external force on the last body."""
+    chain = Chain.random(n, seed, ALL_JOINTS)
+    carrier = Chain.random(1, joints=("free",))
+    carrier = dataclasses.replace(carrier, masses=[0.0], inertias=np.zeros((1, 3, 3)))
+    parts = {
+        field.name: np.concatenate((getattr(carrier, field.name), getattr(chain, field.name)))
+        for field in dataclasses.fields(Chain)
+        if field.name not in ("parents", "joints", "names")
+    }
+    whole = Chain(np.append(-1, chain.parents + 1), carrier.joints + chain.joints, **parts)
+    q, v, a = whole.random_state(samples, seed)
+    push = np.random.default_rng(seed).normal(size=(samples, 6))
+    forces = np.zeros((samples, n + 1, 6))
+    forces[:, -1] = push
+    expected = mp2a.rnea(whole, q, v, a, forces, bodies=True)
+    velocity, acceleration = expected.velocity[:, 0], expected.acceleration[:, 0]
+    base = np.concatenate((velocity[:, :3], acceleration, velocity[:, 3:]), axis=1)
+    state = check_shapes(chain, q[:, 7:], v[:, 6:], a[:, 6:], None)
+    found = batch.recursion(chain, state, base, push, bodies=moving)
+    assert relative_error(found.torque, expected.torque[:, 6:]) <= 1e-12
+    # What the chain puts on its base is what the free joint, which carries no mass, has to give.
+    assert relative_error(to_linear_first(found.root.T), expected.torque[:, :6]) <= 1e-11
+
+
+@given(n=st.integers(1, 90), seed=seeds, threads=st.integers(1, 3), force=st.booleans(), mixed=st.booleans())
+@settings(max_examples=60)
+def test_blocks_of_a_chain_in_lanes(n, seed, threads, force, mixed):
+    chain = Chain.random(n, seed, ("revolute", "continuous", "prismatic") if mixed else ("revolute",))
+    forces, _ = random_load(chain, None, seed)
+    state = check_shapes(chain, *chain.random_state(seed=seed), forces if force else None)
+    base = np.random.default_rng(seed).normal(size=12)
+    expected = batch.recursion(chain, state, base, bodies=True)
+    for bodies in (False, True):
+        found = long.recursion(chain, state, base, bodies=bodies, threads=threads)
+        assert found.sound
+        assert relative_error(found.torque, expected.torque) <= 1e-12
+        assert relative_error(found.root, expected.root) <= 1e-12
+    assert relative_error(found.bodies, expected.bodies) <= 1e-12
+
+
+def test_long_chain_takes_the_blocks_and_agrees_with_the_scans():
+    chain = Chain.random(long.WORTH_IT, seed=2)
+    state = chain.random_state(seed=2)
+    assert long.fits(chain, 1)
+    torque = mp2a.rnea(chain, *state)
+    assert (
+        relative_error(torque, by_numpy(chain, [x[None] for x in state], None, np.array([0, 0, -9.81])).torque) < 1e-9
+    )
+    assert relative_error(torque, mp2a.rnea(chain, *state, method="sweep")) < 1e-9
+    assert relative_error(torque, mp2a.rnea(chain, *(np.tile(x, (3, 1)) for x in state))[1]) < 1e-10
+
+
+def test_long_chain_names_what_is_wrong():
+    chain = Chain.random(long.WORTH_IT, joints=("revolute", "continuous"), seed=1)
+    q, v, a = chain.random_state()
+    joint = chain.joints.index("continuous", 5000)
+    q[chain.q_starts[joint] : chain.q_starts[joint] + 2] *= 1.1
+    with pytest.raises(InputError, match=r"length 1\.1"):
+        mp2a.rnea(chain, q, v, a)
+    v[7000] = np.inf
+    with pytest.raises(InputError, match="v: got inf"):
+        mp2a.rnea(chain, chain.neutral, v, a)
+
+
+def test_tables_go_with_their_chain():
+    """Another chain at the same address must not find the tables of the one before."""
+    for seed in range(20):
+        chain = Chain.random(4, seed=seed)
+        state = chain.random_state(9)
+        assert relative_error(mp2a.rnea(chain, *state), mp2a.rnea(chain, *state, method="sweep")) <= 1e-12
+        del chain
+
+
+@pytest.mark.parametrize("name", library.ARGUMENTS)
+def test_machine_code_stays_in_vectors(name):
+    """Arithmetic is in vectors, sines included; a kernel that lost them is ten times slower."""
+    import llvmlite.binding as llvm
+
+    features = llvm.get_host_cpu_features()
+    if not (features.get("avx2") and features.get("fma")):
+        pytest.skip("this processor has other instructions")
+    wide, kind = "zmm" if features.get("avx512f") else "ymm", "ps" if "single" in name else "pd"
+    lines = library.assembly(name).splitlines()
+    fused = sum(bool(re.search(rf"\bvfn?m(?:add|sub)\d+{kind}\b.*%{wide}", line)) for line in lines)
+    scalar = sum(bool(re.search(r"\bv?(?:fn?m(?:add|sub)\d+|mul|add|sub)s[sd]\b", line)) for line in lines)
+    calls = [line for line in lines if re.search(r"\bcall\b|\bcallq\b", line) and "mp2a" not in line]
+    # The segments' kernels have the same formula once more, for the last samples alone.
+    alone = name in ("compose", "move", "force", "carry")
+    assert fused >= (15 if alone else 60)
+    assert scalar <= (1.5 * fused + 40 if alone else fused / 50)
+    assert not any(word in line for line in calls for word in ("sin", "cos", "rint"))
+
+
+@pytest.mark.parametrize("ranks, threads", [("1", 4), ("2", 2), ("3", 1), ("8", 1)])
+def test_ranks_share_the_cores(ranks, threads, monkeypatch):
+    monkeypatch.setenv("OMPI_COMM_WORLD_LOCAL_SIZE", ranks)
+    monkeypatch.setattr(cores.os, "sched_getaffinity", lambda process: set(range(4)), raising=False)
+    cores.share.cache_clear()
+    try:
+        assert cores.share() == threads
+    finally:
+        cores.share.cache_clear()
+
+
+def test_without_compiled_kernels_numpy_does_it(monkeypatch):
+    chain = Chain.random(6, joints=ALL_JOINTS)
+    state = chain.random_state(9)
+    compiled = mp2a.rnea(chain, *state, bodies=True)
+    out = np.empty((9, chain.nv), np.float32)
+    monkeypatch.setattr(kernels, "compiled", lambda name: None)
+    agree(mp2a.rnea(chain, *state, bodies=True), compiled, 1e-13)
+    assert mp2a.rnea(chain, *state, dtype=np.float32, out=out) is out
+    assert relative_error(out, compiled.torque) < 1e-6
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads this process's memory from /proc")
+def test_memory_is_linear_in_the_chain_and_given_back():
+    """A call leaves nothing behind but the tables of its chain, which go with it."""
+
+    def resident():
+        return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+
+    def once(n):
+        chain = Chain.random(n, seed=1)
+        mp2a.rnea(chain, *chain.random_state())
+
+    once(50_000)
+    before = resident()
+    for _ in range(4):
+        once(50_000)
+    assert resident() - before < 30e6
