@@ -117,7 +117,8 @@ def rnea(
     target = None if out is None else _target(out, (state.samples, chain.nv), state.single, form)
     result = None
     if method == "serial":
-        base = np.concatenate((np.zeros(6), -field, np.zeros(3)))
+        base = np.zeros(12)
+        base[6:9] -= field
         if form == np.float64 and long.fits(chain, state.samples):
             result = long.recursion(chain, state, base, bodies=bodies, threads=threads)
         else:

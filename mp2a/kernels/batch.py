@@ -20,8 +20,8 @@ from mp2a.spatial import Array
 _WORTH_A_THREAD = 20_000
 """Bodies times samples from which on another thread gains more than waking it takes."""
 
-_PIECES = 4
-"""Pieces of the work for each thread, so that one that is held up leaves some to the others."""
+_PIECES = 8
+"""Most pieces of the work for each thread, so that one that is held up leaves some to the others."""
 
 
 class Result(NamedTuple):
@@ -105,16 +105,19 @@ def recursion(
         ),
         dtype=np.int64,
     )  # fmt: skip
-    sound = _run(run, job, plan.scratch, form.dtype, chunks, _threads(threads, len(chain) * samples, chunks))
+    work = len(chain) * samples
+    sound = _run(run, job, plan.scratch, form.dtype, chunks, _threads(threads, work, chunks), work)
     if out is not None and torque is not out:
         out[...] = torque
         torque = out
     return Result(torque, output[..., :samples] if bodies else None, root[:, :samples], sound)
 
 
-def _run(run: Run, job: NDArray[np.int64], scratch: int, dtype: np.dtype, chunks: int, threads: int) -> bool:
+def _run(
+    run: Run, job: NDArray[np.int64], scratch: int, dtype: np.dtype, chunks: int, threads: int, bodies: int
+) -> bool:
     """Run a job in some threads; tells whether all samples are sound."""
-    pieces = 1 if threads == 1 else min(_PIECES * threads, chunks)
+    pieces = 1 if threads == 1 else min(chunks, threads * max(1, min(_PIECES, bodies // (threads * _WORTH_A_THREAD))))
 
     def work(numbers: Iterator[int]) -> bool:
         memory, verdict = np.empty(scratch, dtype), np.zeros(1, np.int64)
