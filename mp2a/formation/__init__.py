@@ -1,0 +1,1 @@
+"""Formations of planar robots."""
