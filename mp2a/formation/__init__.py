@@ -1,1 +1,1 @@
-"""Formations of planar robots."""
+"""Formations of robots on flat ground: how they march, and what each robot is told to do."""

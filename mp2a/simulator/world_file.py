@@ -119,7 +119,7 @@ def _point(value: Any) -> tuple[float, float]:
 
 
 def _points(value: Any) -> list[tuple[float, float]]:
-    if not isinstance(value, list):
+    if not isinstance(value, list) or not value:
         raise _Refused("a list of points [[x, y], [x, y], …] in m")
     return [_point(point) for point in value]
 
