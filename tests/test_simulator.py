@@ -182,6 +182,15 @@ def test_robots_that_meet_stop_and_the_time_is_told():
     assert simulation.poses[2, 0] > 2.3
 
 
+def test_robot_driven_into_from_behind_goes_on():
+    simulation = Simulation(EMPTY, HUSKY, [[1.5, 0, 0], [0, 0, 0]], slip=NO_SLIP)
+    for _ in range(50):
+        simulation.step([[0.3, 0], [0.6, 0]])
+    assert simulation.twists[0, 0] == 0.3
+    assert simulation.poses[0, 0] > 1.5 + 0.3 * 4.8
+    assert {(found.robot, found.other) for found in simulation.collisions} == {(1, 0)}
+
+
 @settings(max_examples=20)
 @given(st.integers(0, 2**32))
 def test_nobody_ever_overlaps(seed):

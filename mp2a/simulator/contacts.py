@@ -22,7 +22,7 @@ class Advance(NamedTuple):
     blocked: NDArray[np.bool_]
     """``(n,)`` who would have touched something, and was stopped in front of it."""
     pairs: Pairs
-    """``(p, 2)`` a robot, and what it would have touched: another robot's number, or n + the number of a shape."""
+    """``(p, 2)`` who drove, and into what: another robot's number, or n + the number of a shape."""
 
 
 class Contacts:
@@ -68,20 +68,21 @@ class Contacts:
         Returns
         -------
         Advance
-            A robot that would have touched something has moved for a part of the time, found by halving, or not
-            at all where that would bring it in another's way.
+            A robot that would have driven into something has moved for a part of the time, found by halving, or not
+            at all where that would bring it in another's way. One that is only driven into goes on.
         """
         n = len(poses)
         moved = arc(poses, twists, dt)
         pairs = self.touching(moved)
         if not len(pairs):
             return Advance(moved, np.zeros(n, dtype=bool), pairs)
+        pairs, held = self._who_drove(poses, moved, pairs)
         # Whoever is stopped may stand in the way of one who was free, so the blocked ones grow until nobody is.
-        held = np.zeros(n, dtype=bool)
-        new = pairs
-        while len(new):
+        while len(new := self.touching(np.where(held[:, None], poses, moved))):
+            late = new[:, 1] < n
+            late[late] = held[new[late, 0]]
+            new[late] = new[late, ::-1]
             held |= _robots(new, n)
-            new = self.touching(np.where(held[:, None], poses, moved))
             pairs = np.concatenate((pairs, new))
         free, met = np.zeros(n), np.ones(n)
         for _ in range(_HALVINGS):
@@ -94,6 +95,22 @@ class Contacts:
             share[left] = 0.0
             held |= left
         return Advance(arc(poses, twists, share * dt), held, np.unique(pairs, axis=0))
+
+    def _who_drove(self, poses: Array, moved: Array, pairs: Pairs) -> tuple[Pairs, NDArray[np.bool_]]:
+        """Tell who of each pair drove into the other, who is put first; and who of all robots drove into anything.
+
+        A robot did if it alone, moved, touches the other where that was before; if neither did alone, both did.
+        """
+        n = len(poses)
+        before, after = self.outlines(poses), self.outlines(moved)
+        driven = np.stack((np.ones(len(pairs), dtype=bool), np.zeros(len(pairs), dtype=bool)), axis=1)
+        both = pairs[:, 1] < n
+        i, j = pairs[both].T
+        alone = np.stack((shapely.intersects(after[i], before[j]), shapely.intersects(before[i], after[j])), axis=1)
+        driven[both] = alone | ~alone.any(axis=1, keepdims=True)
+        held = np.zeros(n, dtype=bool)
+        held[pairs[driven]] = True
+        return np.where(driven[:, :1], pairs, pairs[:, ::-1]), held
 
     def place(self, poses: Array, robot: int, other: int) -> Array:
         """Middle ``(2,)`` m of the gap between a robot and what it met, as numbered by `touching`."""

@@ -24,12 +24,12 @@ _SLACK = 1e-9  # s, rounding of sums of times
 
 
 class Collision(NamedTuple):
-    """A robot met something and was stopped."""
+    """A robot drove into something and was stopped."""
 
     time: float
     """s"""
     robot: int
-    """From 0; of two robots the one with the lower number."""
+    """From 0: who drove into the other; if both did, the one with the lower number."""
     other: int | None
     """The other robot, or None for a wall or an obstacle."""
     place: tuple[float, float]
@@ -219,12 +219,12 @@ class Simulation:
         motion = respond(self.twists, targets, self._most, dt)
         self.poses, blocked, pairs = self._contacts.advance(self.poses, motion.mean, dt)
         self.twists = np.where(blocked[:, None], 0.0, motion.end)
-        touching = frozenset((int(i), int(j)) for i, j in pairs)
-        for robot, other in sorted(touching - self._touching):
+        met = {(min(pair), max(pair)): pair for pair in reversed(pairs.tolist())}
+        for robot, other in (met[key] for key in sorted(met.keys() - self._touching)):
             x, y = self._contacts.place(self.poses, robot, other)
             partner = other if other < len(self) else None
             self.collisions.append(Collision(self.time + dt, robot, partner, (float(x), float(y))))
-        self._touching = touching
+        self._touching = frozenset(met)
 
     def _scan(self) -> None:
         while self._next_scan * self.lidar.period <= self.time + _SLACK:
