@@ -188,7 +188,14 @@ def test_robot_driven_into_from_behind_goes_on():
         simulation.step([[0.3, 0], [0.6, 0]])
     assert simulation.twists[0, 0] == 0.3
     assert simulation.poses[0, 0] > 1.5 + 0.3 * 4.8
-    assert {(found.robot, found.other) for found in simulation.collisions} == {(1, 0)}
+    [collision] = simulation.collisions
+    assert (collision.robot, collision.other) == (1, 0)
+    for _ in range(20):
+        simulation.step([[0, 0], [-0.2, 0]])
+    drive(simulation, (0, 0), 1)
+    for _ in range(30):
+        simulation.step([[0, 0], [0.6, 0]])
+    assert [(found.robot, found.other) for found in simulation.collisions] == [(1, 0)] * 2
 
 
 @settings(max_examples=20)

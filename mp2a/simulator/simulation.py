@@ -20,6 +20,7 @@ HUSKY_TIMEOUT = 0.25
 """s after which Clearpath's controller stops a HUSKY that hears no more commands (ROS Noetic)."""
 
 _LONGEST_STEP = 0.02  # s, as of HUSKY's own controller, which runs at 50 Hz
+_SAME_CONTACT = 1.0  # s: who meets the same thing again sooner has not been free of it
 _SLACK = 1e-9  # s, rounding of sums of times
 
 
@@ -92,7 +93,7 @@ class Simulation:
     poses, twists
         ``(n, 3)`` and ``(n, 2)``, as in `Sensed`.
     collisions : list of Collision
-        All so far; a contact that lasts is in it once.
+        All so far. A contact that lasts, or that comes again within a second, is in it once.
 
     Raises
     ------
@@ -133,7 +134,7 @@ class Simulation:
         self._step = min(_LONGEST_STEP, float(np.min(quarter / self._fastest[:, 0])))
         self._contacts = Contacts(world, self._lengths, self._widths)
         self._refuse_overlap()
-        self._touching: frozenset[tuple[int, int]] = frozenset()
+        self._last_met: dict[tuple[int, int], float] = {}
         self._commands: Array = np.zeros((n, 2))
         self._heard: Array = np.full(n, -np.inf)
         self._deaf = np.zeros(n, dtype=bool)
@@ -219,12 +220,14 @@ class Simulation:
         motion = respond(self.twists, targets, self._most, dt)
         self.poses, blocked, pairs = self._contacts.advance(self.poses, motion.mean, dt)
         self.twists = np.where(blocked[:, None], 0.0, motion.end)
-        met = {(min(pair), max(pair)): pair for pair in reversed(pairs.tolist())}
-        for robot, other in (met[key] for key in sorted(met.keys() - self._touching)):
+        for robot, other in pairs.tolist():
+            pair = (min(robot, other), max(robot, other))
+            last, self._last_met[pair] = self._last_met.get(pair, -np.inf), self.time
+            if self.time - last < _SAME_CONTACT:
+                continue
             x, y = self._contacts.place(self.poses, robot, other)
             partner = other if other < len(self) else None
             self.collisions.append(Collision(self.time + dt, robot, partner, (float(x), float(y))))
-        self._touching = frozenset(met)
 
     def _scan(self) -> None:
         while self._next_scan * self.lidar.period <= self.time + _SLACK:
