@@ -21,6 +21,7 @@ HUSKY_TIMEOUT = 0.25
 
 _LONGEST_STEP = 0.02  # s, as of HUSKY's own controller, which runs at 50 Hz
 _SAME_CONTACT = 1.0  # s: who meets the same thing again sooner has not been free of it
+_DIGITS = 9  # time is told in whole ns, so that ticks do not add up to 0.30000000000000004
 _SLACK = 1e-9  # s, rounding of sums of times
 
 
@@ -195,7 +196,7 @@ class Simulation:
         begin, parts = self.time, int(np.ceil(dt / self._step - _SLACK))
         for k in range(parts):
             self._advance(dt / parts)
-            self.time = begin + dt * (k + 1) / parts
+            self.time = round(begin + dt * (k + 1) / parts, _DIGITS)
             self._scan()
 
     def _hear(self, commands: ArrayLike) -> None:
@@ -227,7 +228,7 @@ class Simulation:
                 continue
             x, y = self._contacts.place(self.poses, robot, other)
             partner = other if other < len(self) else None
-            self.collisions.append(Collision(self.time + dt, robot, partner, (float(x), float(y))))
+            self.collisions.append(Collision(round(self.time + dt, _DIGITS), robot, partner, (float(x), float(y))))
 
     def _scan(self) -> None:
         while self._next_scan * self.lidar.period <= self.time + _SLACK:
