@@ -11,6 +11,8 @@ from mp2a.spatial import Array
 
 Indices = NDArray[np.intp]
 
+_BLOCK = 4096  # segments at a time: what they need stays in the cache
+
 
 class Lidar(NamedTuple):
     """What the sensor in the middle of each robot is; the defaults are the thesis', where it says."""
@@ -68,10 +70,12 @@ def ranges(lidar: Lidar, poses: Array, lengths: Array, widths: Array, segments: 
     found = np.full((n, lidar.rays), np.inf)
     directions = lidar.directions
     for seers, ends in (_of_world(lidar, poses, segments), _of_robots(lidar, poses, lengths, widths)):
-        local = _into_frames(poses[seers], ends)
-        pairs, rays = _candidates(lidar, local)
-        far = _meet(directions[rays], local[pairs])
-        np.minimum.at(found.reshape(-1), seers[pairs] * lidar.rays + rays, far)
+        for k in range(0, len(seers), _BLOCK):
+            here = seers[k : k + _BLOCK]
+            local = _into_frames(poses[here], ends[k : k + _BLOCK])
+            pairs, rays = _candidates(lidar, local)
+            far = _meet(directions[rays], local, pairs)
+            np.minimum.at(found.reshape(-1), here[pairs] * lidar.rays + rays, far)
     found[found > lidar.farthest] = np.inf
     return found
 
@@ -96,12 +100,11 @@ def _of_world(lidar: Lidar, poses: Array, segments: Array) -> tuple[Indices, Arr
 def _of_robots(lidar: Lidar, poses: Array, lengths: Array, widths: Array) -> tuple[Indices, Array]:
     """Pair robots and the sides of others that face them and come near enough: ``(p,)`` and ``(p, 2, 2)``."""
     reach = lidar.farthest + np.hypot(lengths, widths) / 2
-    offset = poses[:, None, :2] - poses[:, :2]
-    near = np.einsum("nmk,nmk->nm", offset, offset) <= reach**2
+    near = (poses[:, None, 0] - poses[:, 0]) ** 2 + (poses[:, None, 1] - poses[:, 1]) ** 2 <= reach**2
     np.fill_diagonal(near, False)
     seers, others = np.nonzero(near)
     # Where the robot is, as seen from the other's middle, tells which sides of the other's rectangle face it.
-    x, y = _turned_back(poses[others, 2], offset[seers, others]).T
+    x, y = _turned_back(poses[others, 2], poses[seers, :2] - poses[others, :2]).T
     half_x, half_y = lengths[others] / 2, widths[others] / 2
     pairs, side = np.nonzero(np.stack((y > half_y, x < -half_x, y < -half_y, x > half_x), axis=-1))
     corners = rectangles(poses, lengths, widths)
@@ -135,20 +138,22 @@ def _candidates(lidar: Lidar, local: Array) -> tuple[Indices, Indices]:
     return pairs, (np.repeat(first, many) + place) % lidar.rays
 
 
-def _meet(directions: Array, local: Array) -> Array:
-    """Distance along each ray at which it meets its segment ``(p, 2, 2)``, inf if it does not.
+def _meet(directions: Array, local: Array, pairs: Indices) -> Array:
+    """Distance along each ray ``(p, 2)`` at which it meets its segment, inf if it does not.
 
     Whether it does is told by the sides of the ray on which the ends lie. Two segments that share an end get the same
-    answer about it, so that no ray slips through a corner.
+    answer about it, so that no ray slips through a corner. ``local[pairs]`` are the ends ``(p, 2, 2)``; they are taken
+    apart into columns first, which is several times faster.
     """
-    cosine, sine = directions[:, 0], directions[:, 1]
-    a, b = local[:, 0], local[:, 1]
-    side_a = cosine * a[:, 1] - sine * a[:, 0]
-    side_b = cosine * b[:, 1] - sine * b[:, 0]
-    between = side_a - side_b
+    cosine, sine = directions.T.copy()
+    ends = np.ascontiguousarray(local.reshape(-1, 4).T)
+    twice_area = ends[0] * ends[3] - ends[1] * ends[2]
+    ax, ay, bx, by = (column[pairs] for column in ends)
+    side_a = cosine * ay - sine * ax
+    side_b = cosine * by - sine * bx
+    between = side_b - side_a
     crossed = (side_a * side_b <= 0) & (between != 0)
-    share = np.divide(side_a, between, out=np.zeros_like(between), where=crossed)
-    x, y = (a[:, k] + share * (b[:, k] - a[:, k]) for k in (0, 1))
-    far = cosine * x + sine * y
-    out: Array = np.where(crossed & (far >= 0), far, np.inf)
-    return out
+    far = np.full(len(pairs), np.inf)
+    np.divide(twice_area[pairs], between, out=far, where=crossed)
+    far[far < 0] = np.inf
+    return far
