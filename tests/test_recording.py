@@ -83,7 +83,9 @@ def read_mcap(path):
     """All messages by topic, decoded by another library than the one that wrote them."""
     topics = {}
     with path.open("rb") as file:
-        for message in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+        for message in make_reader(
+            file, validate_crcs=True, decoder_factories=[DecoderFactory()]
+        ).iter_decoded_messages():
             topics.setdefault(message.channel.topic, []).append(
                 (message.schema.name, message.message, message.decoded_message)
             )

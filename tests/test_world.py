@@ -1,5 +1,6 @@
 """World files: what they say is what is built, and whatever else they say is a clear error."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,14 @@ def test_examples_are_worlds(path):
     world = read_world(path)
     assert world.name
     assert len(world.segments) == len(world.shapes) == 0 or len(world.segments) >= len(world.shapes)
+
+
+def test_documented_file_has_every_kind():
+    page = (WORLDS[0].parents[2] / "docs" / "simulator.md").read_text()
+    [text] = re.findall(r"```toml\n(.*?)```", page, flags=re.S)
+    world = parse_world(text)
+    assert world.name == "a hall"
+    assert (len(world.walls), len(world.obstacles)) == (2, 3)
 
 
 def test_thesis_room_has_its_size():

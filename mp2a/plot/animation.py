@@ -1,5 +1,6 @@
 """A march as a moving picture."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ from matplotlib.lines import Line2D
 from PIL import Image
 
 from mp2a.exceptions import InputError
-from mp2a.plot.march import check, ground, outlines, robot_colors
+from mp2a.plot.march import EVENT, FEW, check, ground, outlines, places, robot_colors
 from mp2a.plot.style import INK, styled
 from mp2a.simulator.recording import Recording
 from mp2a.spatial import Array
@@ -50,9 +51,9 @@ def animation(recording: Recording, path: str | Path, *, quiet: bool = False) ->
         raise InputError(f"path: got '{out.name}', expected a name that ends in .gif")
     check(recording)
     with styled():
-        pictures = [Image.fromarray(frame) for frame in _frames(recording, quiet)]
-    palette = pictures[-1].quantize(_COLORS)  # in the last picture every path has come out
-    flat = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+        frames = _frames(recording, quiet)
+        palette = next(frames).quantize(_COLORS)
+        flat = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     out.parent.mkdir(parents=True, exist_ok=True)
     flat[0].save(out, save_all=True, append_images=flat[1:], duration=round(1000 * _FRAME), loop=0)
     return out
@@ -78,8 +79,8 @@ def frame_ticks(times: Array) -> tuple[np.ndarray, int]:
     return np.append(ticks, len(times) - 1), faster
 
 
-def _frames(recording: Recording, quiet: bool) -> list[np.ndarray]:
-    """Draw what stands still once, and on a copy of it what moves."""
+def _frames(recording: Recording, quiet: bool) -> Iterator[Image.Image]:
+    """Draw what stands still once, and on copies of it what moves; the last picture, which has every colour, first."""
     from rich.console import Console
     from rich.progress import track
 
@@ -94,28 +95,35 @@ def _frames(recording: Recording, quiet: bool) -> list[np.ndarray]:
     for collection in (paths, bodies, noses):
         axes.add_collection(collection, autolim=False)
     clock = axes.set_title("", loc="right")
-    moving: list[Any] = [seen, paths, bodies, noses, clock]
+    numbers = [
+        axes.text(0, 0, f"{i + 1}", color=INK, fontsize=8, fontweight="bold", ha="center", va="center", zorder=6)
+        for i in range(len(colors))
+        if len(colors) <= FEW
+    ]
+    crosses = axes.plot([], [], **EVENT)[0]
+    moving: list[Any] = [seen, paths, bodies, noses, crosses, clock, *numbers]
     for artist in moving:
         artist.set_animated(True)
     drawn: Any = figure.canvas
     clock.set_text("0000.0 s, 100 ×")  # the layout leaves room for it
     drawn.draw()
     still = drawn.copy_from_bbox(figure.bbox)
-    out = []
     console = Console(stderr=True)
     hidden = quiet or not console.is_terminal
-    for k in track(ticks, "drawing", console=console, disable=hidden, transient=True):
+    for k in track([ticks[-1], *ticks], "drawing", console=console, disable=hidden, transient=True):
         drawn.restore_region(still)
         paths.set_segments([recording.poses[: k + 1, i, :2] for i in range(len(colors))])
         corners, ahead = outlines(recording, int(k))
         bodies.set_verts(corners)
         noses.set_segments(ahead)
+        for number, place in zip(numbers, recording.poses[k, :, :2], strict=False):
+            number.set_position(place)
+        crosses.set_data(*places([event for event in recording.events if event.time <= recording.times[k]]).T)
         _show_points(seen, recording, int(k))
         clock.set_text(f"{recording.times[k]:.1f} s" + (f", {faster} ×" if faster > 1 else ""))
         for artist in moving:
             figure.draw_artist(artist)
-        out.append(np.asarray(drawn.buffer_rgba())[..., :3].copy())
-    return out
+        yield Image.fromarray(np.asarray(drawn.buffer_rgba())[..., :3].copy())
 
 
 def _show_points(seen: Line2D, recording: Recording, tick: int) -> None:

@@ -1,7 +1,8 @@
 """The paths of a march over its world, with the robots as they stood on the way."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib import colormaps
@@ -15,14 +16,24 @@ from matplotlib.patches import Patch
 
 from mp2a.exceptions import InputError
 from mp2a.plot.style import FAINT, INK, canvas, legends, save, styled, target
-from mp2a.simulator.recording import Recording
+from mp2a.simulator.recording import Event, Recording
 from mp2a.simulator.world import World, rectangles
 from mp2a.spatial import Array
 
 FEW = 8
 """Robots that can each have a colour and a line in the legend."""
 
-_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8A6D3B", "#000000")
+EVENT: dict[str, Any] = {
+    "linestyle": "none",
+    "marker": "X",
+    "markersize": 7,
+    "color": "#d4002a",
+    "markeredgecolor": "white",
+    "zorder": 7,
+}
+"""How a collision or another event is marked."""
+
+_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8A6D3B", "#999999")
 _STANDS = 7  # at how many times robots are drawn
 _MARGIN = 1.0  # m around what is shown
 _WIDTH, _TALLEST, _FLATTEST = 6.6, 6.6, 1.9  # inches
@@ -92,8 +103,7 @@ def march_figure(recording: Recording) -> Figure:
             PolyCollection(bodies, facecolors=inside, edgecolors=edges, linewidths=thin, zorder=4 + last)
         )
         axes.add_collection(LineCollection(noses, colors=edges, linewidths=thin, zorder=4 + last))
-    places = np.array([event.place for event in recording.events]).reshape(-1, 2)
-    axes.plot(*places.T, linestyle="none", marker="X", color="#d4002a", markeredgecolor="white", markersize=7, zorder=7)
+    axes.plot(*places(recording.events).T, **EVENT)
     shades: list[Artist] = [
         Patch(
             facecolor=to_rgba(FAINT, 0.06),
@@ -102,8 +112,8 @@ def march_figure(recording: Recording) -> Figure:
         ),
         Patch(facecolor=FAINT, edgecolor=INK, label="at the end"),
     ]
-    if len(places):
-        shades.append(Line2D([], [], linestyle="none", marker="X", color="#d4002a", label="collision or other event"))
+    if recording.events:
+        shades.append(Line2D([], [], **EVENT, label="collision or other event"))
     legends(figure, [("robot", robot_handles(n)), ("outline", shades)])
     return figure
 
@@ -170,12 +180,17 @@ def draw_world(axes: Axes, world: World) -> None:
 
 
 def outlines(recording: Recording, tick: int) -> tuple[list[Array], list[Array]]:
-    """Robots at a tick: corners ``(4, 2)`` of each, and a line ``(2, 2)`` from the middle to the front."""
+    """Robots at a tick: corners ``(4, 2)`` of each, and a line ``(2, 2)`` that ends at the middle of its front."""
     poses = recording.poses[tick]
     lengths, widths = np.array([(model.length, model.width) for model in recording.models]).T
     ahead = np.stack((np.cos(poses[:, 2]), np.sin(poses[:, 2])), axis=-1) * lengths[:, None] / 2
-    noses = np.stack((poses[:, :2], poses[:, :2] + ahead), axis=1)
+    noses = poses[:, None, :2] + ahead[:, None] * np.array([[0.5], [1.0]])
     return list(rectangles(poses, lengths, widths)), list(noses)
+
+
+def places(events: Sequence[Event]) -> Array:
+    """Where events happened, ``(k, 2)`` m."""
+    return np.array([event.place for event in events]).reshape(-1, 2)
 
 
 def robot_colors(n: int) -> list[str]:
