@@ -6,7 +6,7 @@ import numpy as np
 
 from mp2a import plot
 from mp2a.formation.robot_models import HUSKY
-from mp2a.simulator import Recorder, Sensed, Simulation, read_world, run
+from mp2a.simulator import Observation, Recorder, Simulation, read_world, run
 
 WAYPOINTS = np.array([[4.5, 0.2], [6.5, 0.4], [8.0, -2.5]])
 GAP = 1.6  # m between the middles of two robots
@@ -16,7 +16,7 @@ simulation = Simulation(world, HUSKY, [[1.9, 0, 0], [0.3, 0, 0], [-1.3, 0, 0]])
 waypoints = list(WAYPOINTS)
 
 
-def follow(sensed: Sensed) -> np.ndarray | None:
+def follow(sensed: Observation) -> np.ndarray | None:
     """Command robot 1 towards the waypoints and the others after the one before them; away from what they see."""
     places = sensed.poses[:, :2]
     while waypoints and np.linalg.norm(waypoints[0] - places[0]) < 0.5:

@@ -276,8 +276,12 @@ def test_scans_are_as_old_as_the_delay_says(delay):
     wall = World([[[8, -5], [8, 5]]])
     simulation = Simulation(wall, HUSKY, [[0, 0, 0]], lidar=Lidar(delay=delay))
     places = {0.0: 0.0}
+    before = -np.inf
     for _ in range(60):
         sensed = simulation.sense()
+        assert sensed.new[0] == (sensed.stamps[0] > before)
+        assert [points is not None for points in sensed.news] == [sensed.stamps[0] > before]
+        before = sensed.stamps[0]
         age = simulation.time - sensed.stamps[0]
         assert delay - 1e-9 <= age < delay + 0.1 + 1e-9
         assert sensed.arrivals[0] <= simulation.time + 1e-9
@@ -295,8 +299,9 @@ def test_silent_sensor_keeps_its_last_scan():
     before = simulation.sense()
     drive(simulation, (0, 0), 1)
     after = simulation.sense()
+    assert after.new.tolist() == [True, False]
     assert after.stamps[0] == pytest.approx(before.stamps[0] + 1)
-    assert after.stamps[1] == pytest.approx(0.5 - 0.0)  # taken when it fell silent, arrived 0.3 s later
+    assert after.stamps[1] == pytest.approx(0.5)  # taken when it fell silent, arrived 0.3 s later
     simulation.silence(1, False)
     drive(simulation, (0, 0), 0.5)
     assert simulation.sense().stamps[1] == pytest.approx(simulation.time - 0.3)

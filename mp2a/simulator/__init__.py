@@ -4,7 +4,7 @@ from mp2a.simulator.drive import NO_SLIP, PHYSICS_ENGINE_SLIP, TurnSlip
 from mp2a.simulator.lidar import Lidar
 from mp2a.simulator.recording import Event, Recorder, Recording
 from mp2a.simulator.run import Controller, run
-from mp2a.simulator.simulation import Collision, Sensed, Simulation
+from mp2a.simulator.simulation import Collision, Observation, Simulation
 from mp2a.simulator.world import World, box, disc
 from mp2a.simulator.world_file import parse as parse_world
 from mp2a.simulator.world_file import read as read_world
@@ -16,9 +16,9 @@ __all__ = [
     "Controller",
     "Event",
     "Lidar",
+    "Observation",
     "Recorder",
     "Recording",
-    "Sensed",
     "Simulation",
     "TurnSlip",
     "World",

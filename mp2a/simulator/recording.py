@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mp2a.exceptions import InputError
 from mp2a.formation.robot_models import RobotModel
-from mp2a.simulator.simulation import Collision, Sensed, Simulation
+from mp2a.simulator.simulation import Collision, Observation, Simulation
 from mp2a.simulator.world import World
 from mp2a.spatial import Array
 
@@ -39,7 +39,7 @@ class Recording:
     times
         ``(T,)`` s.
     poses, twists, commands
-        ``(T, n, 3)``, ``(T, n, 2)`` and ``(T, n, 2)`` at those times, as in `Sensed`; nan where no command was given.
+        ``(T, n, 3)``, ``(T, n, 2)`` and ``(T, n, 2)`` at those times, as in `Observation`; nan: no command.
     stamps
         ``(T, n)`` s: when the scan was taken that a robot had then.
     counts
@@ -182,10 +182,10 @@ class Recorder:
     def __init__(self, simulation: Simulation, *, points: bool = True) -> None:
         self._simulation = simulation
         self._keep_points = points
-        self._rows: list[tuple[Sensed, Array]] = []
+        self._rows: list[tuple[Observation, Array]] = []
         self.events: list[Event] = []
 
-    def add(self, sensed: Sensed, commands: ArrayLike | None) -> None:
+    def add(self, sensed: Observation, commands: ArrayLike | None) -> None:
         """Add a tick: what the robots knew, and the commands ``(n, 2)`` given then (None: none)."""
         given = np.full((len(self._simulation), 2), np.nan) if commands is None else np.array(commands, dtype=float)
         self._rows.append((sensed, given))

@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike
 
 from mp2a.checks import positive
 from mp2a.simulator.recording import Recorder
-from mp2a.simulator.simulation import Sensed, Simulation
+from mp2a.simulator.simulation import Observation, Simulation
 
-Controller = Callable[[Sensed], ArrayLike | None]
+Controller = Callable[[Observation], ArrayLike | None]
 """What the robots know to commands ``(n, 2)``, m/s and rad/s; None ends the run."""
 
 

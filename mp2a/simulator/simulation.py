@@ -43,7 +43,7 @@ class Collision(NamedTuple):
         return f"robot {self.robot + 1} met {what} at ({x:.2f}, {y:.2f}) m after {self.time:.2f} s"
 
 
-class Sensed(NamedTuple):
+class Observation(NamedTuple):
     """What the robots know at one time."""
 
     time: float
@@ -57,7 +57,14 @@ class Sensed(NamedTuple):
     stamps: Array
     """``(n,)`` s: when that scan was taken."""
     arrivals: Array
-    """``(n,)`` s: when it arrived; -inf if none ever did."""
+    """``(n,)`` s: when it arrived."""
+    new: NDArray[np.bool_]
+    """``(n,)`` whether it arrived during the last step, or is the first."""
+
+    @property
+    def news(self) -> list[Array | None]:
+        """Only the scans that have just arrived; None for a robot that has got nothing new."""
+        return [points if new else None for points, new in zip(self.points, self.new, strict=True)]
 
 
 class _Scan(NamedTuple):
@@ -92,7 +99,7 @@ class Simulation:
     time : float
         s
     poses, twists
-        ``(n, 3)`` and ``(n, 2)``, as in `Sensed`.
+        ``(n, 3)`` and ``(n, 2)``, as in `Observation`.
     collisions : list of Collision
         All so far. A contact that lasts, or that comes again within a second, is in it once.
 
@@ -138,6 +145,7 @@ class Simulation:
         self._last_met: dict[tuple[int, int], float] = {}
         self._commands: Array = np.zeros((n, 2))
         self._heard: Array = np.full(n, -np.inf)
+        self._stepped_from = -np.inf
         self._deaf = np.zeros(n, dtype=bool)
         self._points: list[Array] = [np.empty((0, 2))] * n
         self._stamps: Array = np.full(n, -np.inf)
@@ -156,7 +164,7 @@ class Simulation:
             raise InputError(f"robot: got {robot}, expected less than {len(self)}")
         self._deaf[robot] = silent
 
-    def sense(self) -> Sensed:
+    def sense(self) -> Observation:
         """Tell what every robot knows now."""
         arrived = []
         while self._scans and self._has_arrived(self._scans[0]):
@@ -170,9 +178,15 @@ class Simulation:
                     self._points[i] = seen[i]
                 self._stamps[new] = scan.time
                 missing[new] = False
-        stamps = self._stamps.copy()
-        return Sensed(
-            self.time, self.poses.copy(), self.twists.copy(), list(self._points), stamps, stamps + self.lidar.delay
+        arrivals = self._stamps + self.lidar.delay
+        return Observation(
+            time=self.time,
+            poses=self.poses.copy(),
+            twists=self.twists.copy(),
+            points=list(self._points),
+            stamps=self._stamps.copy(),
+            arrivals=arrivals,
+            new=arrivals > self._stepped_from + _SLACK,
         )
 
     def step(self, commands: ArrayLike, dt: float = 0.1) -> None:
@@ -193,6 +207,7 @@ class Simulation:
         """
         positive("dt", dt)
         self._hear(commands)
+        self._stepped_from = self.time
         begin, parts = self.time, int(np.ceil(dt / self._step - _SLACK))
         for k in range(parts):
             self._advance(dt / parts)
