@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 import mp2a
 from mp2a import Chain, InputError, cores, kernels
 from mp2a.kernels import batch, library, long
-from mp2a.leaf import check_shapes, check_state
+from mp2a.leaf import check_shapes, check_state, joint_motion
 from mp2a.methods import serial
+from mp2a.segments import load, motion
 from mp2a.spatial import to_linear_first
 
 RESULTS = ("velocity", "acceleration", "force", "torque")
@@ -322,3 +323,27 @@ def test_memory_is_linear_in_the_chain_and_given_back():
     for _ in range(4):
         once(50_000)
     assert resident() - before < 30e6
+
+
+@given(n=st.integers(1, 40), samples=st.integers(1, 20), seed=seeds, force=st.booleans(), cut=st.booleans())
+@settings(max_examples=60)
+def test_chain_put_together_is_its_segments_put_together(n, samples, seed, force, cut):
+    """The kernel that reduces a chain gives what composing and moving body after body gives."""
+    samples = 1 if cut else samples
+    chain = Chain.random(n, seed, ("revolute", "continuous", "prismatic") if cut else ALL_JOINTS)
+    forces, _ = random_load(chain, samples, seed)
+    state = check_state(chain, *chain.random_state(samples, seed), forces if force else None)
+    paths = motion.leaf(joint_motion(chain, state))
+    loads = load.leaf(chain.masses, chain.coms, chain.origin_inertias, state.external, samples)
+    path, below = paths[0], np.zeros((samples, 28))
+    for step in paths[1:]:
+        path = motion.compose(path, step)
+    for step, own in zip(paths[::-1], loads[::-1], strict=True):
+        below = load.move(below + own, step)
+    for asked in (False, True):
+        found = long.segment(chain, state, load=asked) if cut else batch.segment(chain, state, load=asked)
+        assert found.sound
+        assert relative_error(found.path, path) <= 1e-12
+    for part in range(28):  # its numbers differ in unit and size
+        assert relative_error(found.load[:, part], below[:, part]) <= 1e-9 or abs(below[:, part]).max() < 1e-9
+    assert relative_error(found.load, below) <= 1e-12

@@ -40,6 +40,7 @@ ARGUMENTS = {
         (
             "rnea_double", "rnea_double_bodies", "rnea_single", "rnea_single_bodies",
             "rnea_lanes", "rnea_lanes_bodies", "reach",
+            "reach_lanes",
         ),
         "nnnnn",
     ),
