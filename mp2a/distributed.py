@@ -158,6 +158,7 @@ class DistributedChain:
     def close(self) -> None:
         """Free the duplicate communicator; collective. Closing twice does nothing."""
         if self._comm != MPI.COMM_NULL:
+            self.transport.close()
             self._comm.Free()
 
     def __enter__(self) -> "DistributedChain":

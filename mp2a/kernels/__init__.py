@@ -9,7 +9,7 @@ versions do the work; `status` says why.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -53,6 +53,16 @@ def build() -> Status:
 def status() -> Status:
     """Tell which kernels are in use, and why; loads them if need be."""
     return load()
+
+
+STEPS = ("start", "await", "compose", "move", "carry", "add", "product", "push")
+"""What `rounds` can do, in the order of the numbers that mean it."""
+
+
+def rounds() -> Callable[[int, int, int], int] | None:
+    """Return what runs recorded rounds without the interpreter (``rounds.c``), or None without compiled kernels."""
+    load()
+    return cast("Callable[[int, int, int], int] | None", _run.get("rounds"))
 
 
 def _load(*, patient: bool) -> Status:

@@ -25,8 +25,9 @@ from pathlib import Path
 
 import mp2a
 
-Run = Callable[..., None]
-"""``f(count, out, *inputs)``: number of samples, and for each array the address of the pointer to its numbers."""
+Run = Callable[..., int | None]
+"""``f(count, out, *inputs)``: number of samples, and for each array the address of the pointer to its numbers. And
+"rounds", see ``rounds.c``."""
 
 ARGUMENTS = {"compose": 3, "move": 3, "force": 4, "carry": 3}
 """The kernels, and how many arrays each has, the result's included."""
@@ -40,7 +41,7 @@ BUILD_LIMIT = 120.0
 _RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK")
 _POLL = 0.05
 _FAILURE_HOLDS = 600.0
-_SOURCES = ("source.py", "vector.py", "library.py")
+_SOURCES = ("source.py", "vector.py", "library.py", "rounds.c")
 
 
 class UnavailableError(Exception):
@@ -158,6 +159,9 @@ def _open(path: Path) -> dict[str, Run]:
         kernels[name] = library[f"mp2a_{name}"]
         kernels[name].argtypes = [ctypes.c_ssize_t] + [ctypes.c_void_p] * arrays
         kernels[name].restype = None
+    kernels["rounds"] = library["mp2a_rounds"]
+    kernels["rounds"].argtypes = [ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_ssize_t]
+    kernels["rounds"].restype = ctypes.c_longlong
     return dict(kernels)
 
 
@@ -259,9 +263,9 @@ def make(folder: str, stem: str) -> None:
     with tempfile.TemporaryDirectory(dir=folder, prefix="building-") as workshop:
         parts, whole = Path(workshop) / "kernels.o", Path(workshop) / "kernels.so"
         parts.write_bytes(machine_code()[0])
-        done = subprocess.run(
-            [_linker(), "-shared", "-o", str(whole), str(parts)], capture_output=True, text=True, check=False
-        )
+        rounds = str(Path(__file__).with_name("rounds.c"))
+        command = [_linker(), "-shared", "-fPIC", "-O3", "-o", str(whole), rounds, str(parts)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             raise UnavailableError(f"linking failed: {(done.stderr.strip().splitlines() or [''])[-1]}")
         whole.replace(Path(folder) / f"{stem}-{_checksum(whole.read_bytes())}.so")

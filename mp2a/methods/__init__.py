@@ -19,7 +19,7 @@ class Work(NamedTuple):
     """Arithmetic of one robot in one round, as measured on one core; it weighs methods against each other."""
 
     call: float
-    """s, whatever the number of samples"""
+    """s, whatever the number of samples, of a recorded round"""
     sample: float
     """s a sample"""
 
@@ -42,9 +42,9 @@ class Method(NamedTuple):
 
 
 METHODS = {
-    "kogge-stone": Method(schedule.kogge_stone, affine.DOUBLES, Work(25e-6, 0.15e-6), kogge_stone.kogge_stone),
-    "compact": Method(schedule.compact, compact.DOUBLES, Work(25e-6, 0.02e-6), compact.compact),
-    "sweep": Method(schedule.sweep, sweep.DOUBLES, Work(35e-6, 0.04e-6), sweep.sweep),
+    "kogge-stone": Method(schedule.kogge_stone, affine.DOUBLES, Work(0.1e-6, 0.15e-6), kogge_stone.kogge_stone),
+    "compact": Method(schedule.compact, compact.DOUBLES, Work(0.1e-6, 0.02e-6), compact.compact),
+    "sweep": Method(schedule.sweep, sweep.DOUBLES, Work(0.1e-6, 0.04e-6), sweep.sweep),
 }
 """Every distributed method by name. A new one is a file here and a line in this table."""
 

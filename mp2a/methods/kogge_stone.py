@@ -5,8 +5,8 @@ import numpy as np
 from mp2a.chain import Chain
 from mp2a.leaf import State, joint_motion, joint_torque
 from mp2a.methods.result import InverseDynamics
-from mp2a.schedule import Round, Schedule
-from mp2a.segments import affine
+from mp2a.schedule import Schedule
+from mp2a.segments.affine import MATRIX_AND_VECTOR, VECTOR
 from mp2a.spatial import (
     Array,
     apply,
@@ -17,6 +17,16 @@ from mp2a.spatial import (
     velocity_product,
 )
 from mp2a.transport.base import Transport
+from mp2a.transport.steps import Operation, Register, Use
+
+_LAYOUT = {"window": Register({"matrix": 36, "vector": 6}, copies=2)}
+_PUSH = Operation("push", "vector", ("matrix", "<vector", "vector"))
+_USES = {
+    MATRIX_AND_VECTOR: Use("window", after=(Operation("product", "matrix", ("matrix", "<matrix")), _PUSH)),
+    VECTOR: Use("vector", after=(_PUSH,)),
+}
+"""The piece that comes lies before the own one (for forces: behind it). After a vector alone the window reaches the end
+of the chain, and its matrix means nothing any more."""
 
 
 def kogge_stone(
@@ -35,14 +45,13 @@ def kogge_stone(
     motion = joint_motion(bodies, state)
     r, p = motion.rotation, motion.translation
     outwards = motion_operator(r, p)
-    current, spare = (affine.window(len(bodies), state.samples) for _ in range(2))
+    registers = transport.registers(_LAYOUT, state.samples)
 
     def scan(recurrence: str, matrix: Array, vector: Array) -> Array:
-        nonlocal current, spare
         transport.flush()
-        current.matrix[:], current.vector[:] = matrix, vector
-        current, spare = _scan(schedule.recurrence(recurrence), current, spare, transport)
-        return current.vector.copy()
+        registers["matrix"][:], registers["vector"][:] = matrix.reshape(*vector.shape[:-1], 36), vector
+        transport.run(schedule.recurrence(recurrence), _USES, registers)
+        return registers["vector"].copy()
 
     velocity = scan("velocity", outwards, motion.velocity)
 
@@ -60,20 +69,3 @@ def kogge_stone(
     passed = scan("force", inwards, apply(inwards, force))
     force = force_to_child(r, p, passed)
     return InverseDynamics(velocity, acceleration, force, joint_torque(bodies, force))
-
-
-def _scan(
-    rounds: tuple[Round, ...], current: affine.Window, spare: affine.Window, transport: Transport
-) -> tuple[affine.Window, affine.Window]:
-    """Recursive doubling; returns the windows that reach the end of the chain, and the other ones."""
-    for round_ in rounds:
-        arrivals = transport.exchange(round_, current.outbox())
-        if not arrivals:
-            continue
-        if transport.nodes > 1:  # some nodes got nothing and keep what they have
-            np.copyto(spare.buffer, current.buffer)
-        for kind, nodes, data in arrivals:
-            assert isinstance(nodes, slice)  # on a chain receivers are neighbours
-            affine.join(current, kind, nodes, data, out=spare)
-        current, spare = spare, current
-    return current, spare
