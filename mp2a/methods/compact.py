@@ -1,12 +1,10 @@
 """The fewest bytes: one scan of motion outwards, then one of forces inwards, on a chain or a tree."""
 
-from mp2a.chain import Chain
-from mp2a.leaf import State, joint_motion, joint_torque
-from mp2a.methods.result import InverseDynamics
+from mp2a.methods.node import Nodes, Scan
 from mp2a.methods.sweep import LONGER, read_off
 from mp2a.schedule import FORCE, MOTION, Schedule
 from mp2a.segments import motion
-from mp2a.spatial import Array, body_force, spatial_to_classical
+from mp2a.spatial import Array, spatial_to_classical
 from mp2a.transport.base import Transport
 from mp2a.transport.steps import Operation, Register, Use
 
@@ -20,10 +18,11 @@ _INWARDS = {
         after=(Operation("add", "force", ("<carried",)),),
     )
 }
+_INWARDS_OF_BLOCKS = {FORCE: _INWARDS[FORCE].then(Operation("add", "behind", ("<carried",)))}
 
 
-def compact(bodies: Chain, state: State, gravity: Array, schedule: Schedule, transport: Transport) -> InverseDynamics:
-    """Inverse dynamics of the bodies this process holds.
+def compact(nodes: Nodes, gravity: Array, schedule: Schedule, transport: Transport) -> Scan:
+    """Scan motion, then force.
 
     A body remembers the path to its 2^e-th ancestor of every round. With it, it carries its force itself to where it
     sends it, so that a force is 6 numbers on the wire.
@@ -34,15 +33,16 @@ def compact(bodies: Chain, state: State, gravity: Array, schedule: Schedule, tra
         "force": Register({"force": 6}),
         "carried": Register({"carried": 6}, copies=2),
     }
-    registers = transport.registers(layout, state.samples)
-    registers["path"][:] = motion.leaf(joint_motion(bodies, state))
+    if nodes.blocks:
+        layout["behind"] = Register({"behind": 6})
+    registers = transport.registers(layout, nodes.path.shape[1])
+    registers["path"][:] = nodes.path
     transport.run(outwards, _OUTWARDS, registers)
     velocity, acceleration = read_off(registers["path"], gravity)
     classical = spatial_to_classical(acceleration, velocity)
-    force = registers["force"]
-    mass, com = bodies.masses[:, None], bodies.coms[:, None]
-    force[:] = body_force(mass, com, bodies.origin_inertias[:, None], velocity, classical)
-    if state.external is not None:
-        force -= state.external
-    transport.run(schedule.recurrence("force"), _INWARDS, registers)
-    return InverseDynamics(velocity, classical, force.copy(), joint_torque(bodies, force))
+    registers["force"][:] = nodes.force(velocity, classical)
+    if nodes.blocks:
+        registers["behind"][:] = 0.0
+    transport.run(schedule.recurrence("force"), _INWARDS_OF_BLOCKS if nodes.blocks else _INWARDS, registers)
+    behind = registers["behind"].copy() if nodes.blocks else None
+    return Scan(velocity, classical, registers["force"].copy(), behind)

@@ -3,9 +3,7 @@
 import numpy as np
 
 from mp2a import kernels
-from mp2a.chain import Chain
-from mp2a.leaf import State, joint_motion, joint_torque
-from mp2a.methods.result import InverseDynamics
+from mp2a.methods.node import Nodes, Scan
 from mp2a.schedule import FORCE, MOTION, Schedule
 from mp2a.segments import load, motion
 from mp2a.spatial import Array, apply, spatial_to_classical, transpose
@@ -30,22 +28,26 @@ _USES = {
         after=(Operation("add", "below", ("<upwards",)),),
     ),
 }
+_LAYOUT_OF_BLOCKS = _LAYOUT | {"behind": Register({"behind": load.DOUBLES})}
+_USES_OF_BLOCKS = _USES | {FORCE: _USES[FORCE].then(Operation("add", "behind", ("<upwards",)))}
 
 
-def sweep(bodies: Chain, state: State, gravity: Array, schedule: Schedule, transport: Transport) -> InverseDynamics:
-    """Inverse dynamics of the bodies this process holds.
+def sweep(nodes: Nodes, gravity: Array, schedule: Schedule, transport: Transport) -> Scan:
+    """Scan motion and loads at once.
 
     A body keeps two segments: its motion across the path from its 2^e-th ancestor, and the load of all bodies fewer
     than 2^e below it. In a round it hands the first to those whose 2^e-th ancestor it is and the second, moved across
     the first, to its own; neither waits for the other.
     """
-    registers = transport.registers(_LAYOUT, state.samples)
-    registers["path"][:] = motion.leaf(joint_motion(bodies, state))
-    registers["below"][:] = load.leaf(bodies.masses, bodies.coms, bodies.origin_inertias, state.external, state.samples)
-    transport.run(schedule.rounds, _USES, registers)
+    registers = transport.registers(_LAYOUT_OF_BLOCKS if nodes.blocks else _LAYOUT, nodes.path.shape[1])
+    registers["path"][:], registers["below"][:] = nodes.path, nodes.load()
+    if nodes.blocks:
+        registers["behind"][:] = 0.0
+    transport.run(schedule.recurrence("sweep"), _USES_OF_BLOCKS if nodes.blocks else _USES, registers)
     velocity, acceleration = read_off(registers["path"], gravity)
     force = kernels.force(registers["below"], velocity, acceleration)
-    return InverseDynamics(velocity, spatial_to_classical(acceleration, velocity), force, joint_torque(bodies, force))
+    behind = kernels.force(registers["behind"], velocity, acceleration) if nodes.blocks else None
+    return Scan(velocity, spatial_to_classical(acceleration, velocity), force, behind)
 
 
 def read_off(path: Array, gravity: Array) -> tuple[Array, Array]:

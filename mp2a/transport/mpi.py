@@ -64,7 +64,7 @@ class MPITransport:
             self._receives[key] = _peers(round_, self.first, sending=False)
         self._inboxes: dict[tuple[str, int], Array] = {}
         self._in_flight: list[MPI.Request] = []
-        self._registers: Registers | None = None
+        self._registers: list[Registers] = []
         self.programs: dict[str, Program | None] = {}
 
     @property
@@ -78,15 +78,16 @@ class MPITransport:
         self.samples, self.sound = samples, sound
 
     def registers(self, layout: Layout, samples: int) -> Registers:
-        """Return registers for a call, those of the last one if they fit."""
-        kept = self._registers
-        if kept is not None and kept.samples == samples and kept.layout == layout:
-            kept.reset()
-            return kept
-        self.close()
+        """Return registers for a call, those of the last one if it had as many samples."""
+        if any(kept.samples != samples for kept in self._registers):
+            self.close()
+        for kept in self._registers:
+            if kept.layout == layout:
+                kept.reset()
+                return kept
         registers = Registers(layout, 1, samples)
         if registers.size <= _KEPT:
-            self._registers = registers
+            self._registers.append(registers)
         return registers
 
     def run(self, rounds: Sequence[Round], uses: Mapping[str, Use], registers: Registers) -> None:
@@ -108,7 +109,7 @@ class MPITransport:
         for program in self.programs.values():
             if program is not None:
                 program.free()
-        self.programs, self._registers = {}, None
+        self.programs, self._registers = {}, []
 
     def exchange(self, round_: Round, outbox: Mapping[str, Array]) -> list[Arrival]:
         """Send and receive what the schedule says for this rank; waits for what it receives."""
@@ -158,7 +159,7 @@ class MPITransport:
 
     def _program(self, rounds: Sequence[Round], uses: Mapping[str, Use], registers: Registers) -> Program | None:
         """Record rounds, once; None where they have to be interpreted."""
-        if registers is not self._registers or not isinstance(self.link, MPILink):
+        if not any(registers is kept for kept in self._registers) or not isinstance(self.link, MPILink):
             return None
         name = rounds[0].recurrence
         if name not in self.programs:

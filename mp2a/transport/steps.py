@@ -36,6 +36,10 @@ class Use(NamedTuple):
     """What a receiver does for each message that came. All read what was there before the round, but what is added
     up."""
 
+    def then(self, operation: Operation) -> "Use":
+        """Let a receiver do one more thing."""
+        return self._replace(after=(*self.after, operation))
+
 
 class Register(NamedTuple):
     """Numbers that every node has, in a buffer that may be sent."""
