@@ -15,6 +15,8 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
+from itertools import chain as chained
 
 import numpy as np
 
@@ -32,8 +34,9 @@ def ranks() -> None:
 
     comm = MPI.COMM_WORLD
     for name in METHODS:
-        timed = ours(name) | {f"bare, {how}": bare(name, how) for how in ("new", "persistent")}
-        turns = [{what: seconds(run) for what, run in timed.items()} for _ in range(REPEATS)]
+        with ExitStack() as after:
+            timed = ours(name, after) | {f"bare, {how}": bare(name, how, after) for how in ("new", "persistent")}
+            turns = [{what: seconds(run) for what, run in timed.items()} for _ in range(REPEATS)]
         if comm.Get_rank() == 0:
             medians = {what: 1e6 * statistics.median(turn[what] for turn in turns) for what in timed}
             print(f"{name:<12}", *(f"{what} {value:5.2f} µs " for what, value in medians.items()))
@@ -52,7 +55,7 @@ def seconds(run: Run) -> float:
     return (time.perf_counter() - began) / ROUNDS
 
 
-def ours(name: str) -> dict[str, Run]:
+def ours(name: str, after: ExitStack) -> dict[str, Run]:
     """Repeat every round of a method many times."""
     from mpi4py import MPI
 
@@ -80,6 +83,7 @@ def ours(name: str) -> dict[str, Run]:
             method.solve(body, state, gravity, many, transport)
             transport.flush()
 
+        after.callback(transport.close)
         run()
         return run
 
@@ -89,7 +93,7 @@ def ours(name: str) -> dict[str, Run]:
     return timed | ({"arithmetic": lambda: [program() for program in programs]} if programs else {})
 
 
-def bare(name: str, how: str) -> Run:
+def bare(name: str, how: str, after: ExitStack) -> Run:
     """Exchange the same messages in plain mpi4py calls."""
     from mpi4py import MPI
 
@@ -102,6 +106,9 @@ def bare(name: str, how: str) -> Run:
         for r in method.schedule(2).rounds
     ]
     kept = [[(comm.Send_init if s == rank else comm.Recv_init)(x, other) for s, x in messages] for messages in once]
+
+    for request in chained.from_iterable(kept):
+        after.callback(request.Free)
 
     def new() -> None:
         for _ in range(ROUNDS // len(once)):
