@@ -43,7 +43,7 @@ def kogge_stone(nodes: Nodes, gravity: Array, schedule: Schedule, transport: Tra
 
     def scan(recurrence: str, matrix: Array, vector: Array, uses: Mapping[str, Use] = _USES) -> Array:
         transport.flush()
-        registers["matrix"][:], registers["vector"][:] = matrix.reshape(*vector.shape[:-1], 36), vector
+        registers["matrix"].reshape(matrix.shape)[:], registers["vector"][:] = matrix, vector
         transport.run(schedule.recurrence(recurrence), uses, registers)
         return registers["vector"].copy()
 
