@@ -15,7 +15,7 @@ MODULES = sorted(ROOT.rglob("*.py"))
 # From the bottom to the top; what is not named here stands above all of it.
 LAYERS = (
     "exceptions", "checks", "cores", "network", "spatial", "joints", "readers", "chain", "leaf", "segments",
-    "kernels", "schedule", "transport", "methods", "dynamics", "distributed", "launch", "reference", "model", "bench",
+    "kernels", "schedule", "transport", "methods", "dynamics", "distributed", "arrangement", "launch", "reference", "model", "bench",
     "formation", "simulator", "plot", "cli",
 )  # fmt: skip
 NOT_ON_A_RANK = (
