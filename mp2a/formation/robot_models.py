@@ -42,11 +42,12 @@ class RobotModel:
 
 
 HUSKY = RobotModel("HUSKY", 0.99, 0.67, 1.0, 2.0, 3.0, 6.0)
-"""Clearpath's HUSKY: size and speed from the thesis, chapter 2; the other limits are those of its ROS Noetic controller."""
+"""Clearpath's HUSKY: size and speed from the thesis, chapter 2; the other limits are its ROS Noetic controller's."""
 
 TRADR = RobotModel("TRADR", 0.73, 0.60, 0.5, 2.5, 1.0, 5.0)
-"""The tracked TRADR: size and speed from the thesis, chapter 2. Its turn rate is that of tracks 0.397 m apart at ±0.5 m/s
-(the thesis says only that it can turn faster than 180°/s). Nobody publishes its accelerations: 1 m/s² a track is assumed."""
+"""The tracked TRADR: size and speed from the thesis, chapter 2. Its turn rate is that of tracks 0.397 m apart at
+±0.5 m/s (the thesis has both robots turn faster than 180°/s). Nobody publishes its accelerations: 1 m/s² a track is
+assumed."""
 
 ROBOTS = {model.name.lower(): model for model in (HUSKY, TRADR)}
 """Every robot by lower-case name. A new robot is one more entry."""

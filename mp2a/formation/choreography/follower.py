@@ -10,17 +10,16 @@ from numpy.typing import NDArray
 
 from mp2a.formation.choreography.constants import (
     CATCH_UP,
+    FORCE_GAIN,
     GAP_GAIN,
     LEADER_SPEED_SHARE,
     STEER_GAIN,
+    TARGET_AHEAD,
     TARGET_TOLERANCE,
 )
 from mp2a.formation.choreography.leader import Leaders
 from mp2a.formation.choreography.places import compose, seen_from
 from mp2a.spatial import Array
-
-_POPS = 8
-"""Points that can leave a queue in a tick; one comes in, so the queue is worked off when the robot catches up."""
 
 
 class Queues(NamedTuple):
@@ -73,7 +72,20 @@ def lanes(leaders: Leaders) -> Array:
 
 
 def targets(queues: Queues, leaders: Leaders, poses: Array) -> tuple[Queues, Array, Array]:
-    """What each robot drives to, after points it has reached have left its queue.
+    """Choose what each robot drives to, after points it has reached have left its queue.
+
+    A point that is reached takes those before it along: on the inside of a corner that is sharper than the robot is far
+    from its leader, the lane runs back in a loop, which a robot that took point after point would drive in reverse, and
+    often stay turned round.
+
+    Parameters
+    ----------
+    queues
+        Of all robots.
+    leaders
+        At this tick.
+    poses
+        Where the robots are, ``(n, 3)``.
 
     Returns
     -------
@@ -85,19 +97,18 @@ def targets(queues: Queues, leaders: Leaders, poses: Array) -> tuple[Queues, Arr
     asked = -leaders.place[:, 0]
     gap = np.hypot(*(own - poses[:, :2]).T)
     rows = np.arange(len(poses))
-    ahead = np.minimum(queues.head[:, None] + np.arange(_POPS), queues.tail)
+    ahead = np.minimum(queues.head[:, None] + np.arange(TARGET_AHEAD), queues.tail)
     points = queues.points[rows[:, None], np.minimum(ahead, max(queues.tail - 1, 0))]
     reached = np.hypot(*np.moveaxis(points - poses[:, None, :2], -1, 0)) < TARGET_TOLERANCE
-    popped = np.cumprod(reached & (ahead < queues.tail), axis=1).sum(axis=1)
+    reached &= ahead < queues.tail
+    popped = np.where(reached, np.arange(1, TARGET_AHEAD + 1), 0).max(axis=1)
     head = np.where(gap > CATCH_UP * asked, queues.tail, queues.head + popped)
     queued = head < queues.tail
     next_points = queues.points[rows, np.minimum(head, max(queues.tail - 1, 0))]
     return queues._replace(head=head), np.where(queued[:, None], next_points, own), gap - asked
 
 
-def commands(
-    target: Array, excess: Array, stands: NDArray[np.bool_], force: Array, max_speed: float
-) -> Array:
+def commands(target: Array, excess: Array, stands: NDArray[np.bool_], force: Array, max_speed: float) -> Array:
     """Speeds that eq. 4.4 asks for, before any limit.
 
     Differs from the print in two places: a robot that is more than 1/3 m too close stands instead of driving on
@@ -135,8 +146,6 @@ def avoidance(force: Array) -> Array:
 
     The end of the robot that is nearer to them swings away: α₂ is the angle of the force, with its sign.
     """
-    from mp2a.formation.choreography.constants import FORCE_GAIN
-
     out: Array = -FORCE_GAIN * np.sign(force[:, 0]) * np.arctan2(force[:, 1], force[:, 0]) * np.hypot(*force.T)
     return out
 
@@ -144,6 +153,6 @@ def avoidance(force: Array) -> Array:
 def steer(
     queues: Queues, leaders: Leaders, poses: Array, force: Array, max_speed: float
 ) -> tuple[Queues, Array, Array]:
-    """All of the above for robots at ``poses`` ``(n, 3)``: the queues, the speeds asked for and the excess of the gap."""
+    """Do all of this for robots at ``poses`` ``(n, 3)``: the queues, the speeds asked for, the excess of the gap."""
     queues, ground, excess = targets(queues, leaders, poses)
     return queues, commands(seen_from(poses, ground), excess, leaders.stands, force, max_speed), excess

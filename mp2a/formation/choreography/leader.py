@@ -58,7 +58,8 @@ class Leaders(NamedTuple):
     @property
     def stands(self) -> NDArray[np.bool_]:
         """Which leaders do not move until the next tick."""
-        return ~self.twist.any(axis=1)
+        out: NDArray[np.bool_] = ~np.logical_or.reduce(self.twist != 0, axis=1)
+        return out
 
 
 def waypoint_twist(target: Array, max_speed: float) -> Array:
@@ -203,9 +204,7 @@ def _finish_steps(program: Program, state: Leaders, time: float) -> Leaders:
     return state
 
 
-def _meet(
-    program: Program, state: Leaders, kind: NDArray[np.intp], time: float
-) -> tuple[Leaders, NDArray[np.bool_]]:
+def _meet(program: Program, state: Leaders, kind: NDArray[np.intp], time: float) -> tuple[Leaders, NDArray[np.bool_]]:
     """Give new leaders to the formations whose robots are all there and have stood long enough."""
     met = np.zeros(len(program), dtype=bool)
     waiting = kind == MEET

@@ -1,9 +1,9 @@
 """What LIDAR points do to a robot: the virtual force field and the stop signals (thesis, section 5.2).
 
-The thesis sums a small repulsive force over points and prints no law for it. Ours is that of Borenstein and Koren, whose
-method it is (Real-time obstacle avoidance for fast mobile robots, 1989): points are sorted into square cells, and every
-occupied cell pushes with 1/d², weighted with how straight ahead or behind it is. So neither the number of rays nor a
-robot that drives alongside matters.
+The thesis sums a small repulsive force over points and prints no law for it. Ours is that of Borenstein and Koren,
+whose method it is (Real-time obstacle avoidance for fast mobile robots, 1989): points are sorted into square cells, and
+every occupied cell pushes with 1/d², weighted with how straight ahead or behind it is, cos². So the number of rays does
+not matter, and a robot that drives alongside hardly does.
 """
 
 from collections.abc import Sequence

@@ -53,7 +53,8 @@ def compile_program(scenario: Scenario) -> Program:
     """
     index = {robot: i for i, robot in enumerate(scenario.robots)}
     rows: list[list[tuple[int, tuple[float, ...], int, int]]] = [[] for _ in index]
-    members, first_rows = [], []
+    members: list[NDArray[np.intp]] = []
+    first_rows: list[NDArray[np.intp]] = []
     for k, instruction in enumerate(scenario.instructions):
         if isinstance(instruction, Shape):
             meets = _gets_new_leader(scenario.instructions, k)

@@ -15,7 +15,7 @@ _LARGEST = 10_000.0
 
 
 def parse(text: str) -> Scenario:
-    """Read a scenario.
+    r"""Read a scenario.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def parse(text: str) -> Scenario:
 
     Examples
     --------
-    >>> parse("robots R1 R2\\nrow R1,R2 0 1.2\\nmove 2 -90").instructions[1]
+    >>> parse("robots R1 R2\nrow R1,R2 0 1.2\nmove 2 -90").instructions[1]
     Move(distance=2.0, angle=-90.0, group=None, line=3)
     """
     scenario, findings = read(text)
@@ -153,7 +153,9 @@ class _Reader:
         for member in members:
             for other in self.groups.values():
                 if member.text in other.robots:
-                    also = f"robot {member.text}: in groups {other.name} and {name.text}, takes the instructions of both"
+                    also = (
+                        f"robot {member.text}: in groups {other.name} and {name.text}, takes the instructions of both"
+                    )
                     self.note(member, also, serious=False)
         self.groups[name.text] = Group(name.text, tuple(dict.fromkeys(word.text for word in members)), line.number)
 
@@ -296,5 +298,3 @@ def _some(names: Iterable[str], last: str = "or") -> str:
     if len(listed) > 8:
         return ", ".join(listed[:8]) + ", …"
     return listed[0] if len(listed) == 1 else f"{', '.join(listed[:-1])} {last} {listed[-1]}"
-
-

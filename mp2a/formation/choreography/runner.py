@@ -6,12 +6,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mp2a.checks import numbers
+from mp2a.checks import array, numbers
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography import follower, leader, obstacles
-from mp2a.formation.choreography.constants import LOST_POSES, SILENCE, TARGET_TOLERANCE, TICK
+from mp2a.formation.choreography.constants import LOST_POSES, SILENCE, TICK
 from mp2a.formation.choreography.places import compose
-from mp2a.formation.choreography.program import END, Program, compile_program
+from mp2a.formation.choreography.program import END, compile_program
 from mp2a.formation.choreography.scenario import Instruction, Scenario
 from mp2a.formation.robot_models import RobotModel
 from mp2a.spatial import Array
@@ -38,11 +38,11 @@ class Event(NamedTuple):
 
     time: float
     robot: str
-    index: int
-    """Of the instruction in the scenario."""
+    number: int
+    """Of the instruction in the scenario, from 0."""
     instruction: Instruction
     what: str
-    """"began" or "ended"."""
+    """``began`` or ``ended``."""
 
 
 class State(NamedTuple):
@@ -61,7 +61,7 @@ class State(NamedTuple):
     seen
         Force and stop signals of the newest points.
     heard
-        ``(n,)`` s: when LIDAR data came last.
+        ``(n,)`` s: when LIDAR data came last; not a number of robots without LIDAR.
     lost
         ``(n,)``: look-ups of the pose that failed in a row.
     error
@@ -80,7 +80,7 @@ class State(NamedTuple):
 
 
 class Choreography:
-    """Drive robots through a scenario.
+    r"""Drive robots through a scenario.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class Choreography:
     --------
     >>> from mp2a.formation.choreography.reading import parse
     >>> from mp2a.formation.robot_models import HUSKY
-    >>> dance = Choreography(parse("robots R1 R2\\nrow R1,R2 0 1.2\\nmove 2 0"), HUSKY)
+    >>> dance = Choreography(parse("robots R1 R2\nrow R1,R2 0 1.2\nmove 2 0"), HUSKY)
     >>> dance.step(0.0, dance.places(), [[0, 0], [0, 0]], None).round(3).tolist()
     [[0.7, 0.0], [0.7, 0.0]]
     """
@@ -129,12 +129,20 @@ class Choreography:
         self.max_speed = float(self.fleet.max_speed.min() if max_speed is None else max_speed)
         if not 0 < self.max_speed < np.inf:
             raise InputError(f"max_speed: got {max_speed}, expected a positive number of m/s")
-        began = leader.start(self.program, None if poses is None else _array("poses", poses, (n, 3)))
+        began = leader.start(self.program, None if poses is None else array("poses", poses, (n, 3)))
         none = np.zeros(n, dtype=bool)
         unseen = obstacles.Seen(np.zeros((n, 2)), none, none)
         zero = np.zeros(n)
         self.state = State(
-            -1, began, follower.empty(n), zero, np.zeros((n, 2)), unseen, zero, np.zeros(n, dtype=np.intp), none
+            -1,
+            began,
+            follower.empty(n),
+            zero,
+            np.zeros((n, 2)),
+            unseen,
+            np.full(n, np.nan),
+            np.zeros(n, dtype=np.intp),
+            none,
         )
         self.events: list[Event] = []
 
@@ -159,9 +167,7 @@ class Choreography:
         place = self.state.leaders.place
         return compose(self.state.leaders.pose, np.column_stack((place, np.zeros(len(place)))))
 
-    def step(
-        self, t: float, poses: ArrayLike, twists: ArrayLike, points: Sequence[ArrayLike | None] | None
-    ) -> Array:
+    def step(self, t: float, poses: ArrayLike, twists: ArrayLike, points: Sequence[ArrayLike | None] | None) -> Array:
         """Commands for the present moment.
 
         Parameters
@@ -176,8 +182,8 @@ class Choreography:
             ``(n, 2)`` measured, m/s and rad/s. The thesis' controller does not use them; they are checked.
         points
             What came from each robot's LIDAR since the last call, ``(k, 2)`` m in its own frame; None for one of which
-            nothing new has come: after more than 0.3 s that robot is in its error state. None for all: robots without
-            LIDAR, which watch for no obstacle.
+            nothing new has come: after more than 0.3 s that robot is in its error state. None for all, as long as
+            there has been nothing else: robots without LIDAR, which watch for no obstacle.
 
         Returns
         -------
@@ -197,7 +203,7 @@ class Choreography:
         if twist.shape != (n, 2):
             raise InputError(f"twists: got shape {twist.shape}, expected {(n, 2)}")
         tick = self._tick(t)
-        known = np.isfinite(place).all(axis=1)
+        known: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(place), axis=1)
         state = self._sense(t, known, points)
         if tick < 0:
             self.state = state
@@ -223,18 +229,19 @@ class Choreography:
         state = self.state
         lost = np.where(known, 0, state.lost + 1)
         error = state.error | (lost >= LOST_POSES)
-        if points is None:
+        if points is None and np.isnan(state.heard).all():
             return state._replace(lost=lost, error=error)
         n = len(known)
-        cloud, whose = obstacles.flatten(points, n)
-        came = np.array([one is not None for one in points])
+        given = [None] * n if points is None else points
+        cloud, whose = obstacles.flatten(given, n)
+        came = np.array([one is not None for one in given])
         fresh = obstacles.look(cloud, whose, self.fleet.length, self.fleet.width)
         seen = obstacles.Seen(
             np.where(came[:, None], fresh.force, state.seen.force),
             np.where(came, fresh.front, state.seen.front),
             np.where(came, fresh.rear, state.seen.rear),
         )
-        heard = np.where(came | (t < 0), t, state.heard)
+        heard = np.where(came | np.isnan(state.heard) | (t < 0), t, state.heard)
         error = error | (t - heard > SILENCE + 1e-9)
         return state._replace(lost=lost, error=error, seen=seen, heard=heard)
 
@@ -259,10 +266,8 @@ class Choreography:
             if row[after.step[i]] >= 0:
                 self._event(time, i, row[after.step[i]], "began")
 
-    def _event(self, time: float, robot: int, index: int, what: str) -> None:
-        self.events.append(
-            Event(time, self.robots[robot], int(index), self.scenario.instructions[index], what)
-        )
+    def _event(self, time: float, robot: np.intp, index: np.intp, what: str) -> None:
+        self.events.append(Event(time, self.robots[robot], int(index), self.scenario.instructions[index], what))
 
     def _limited(self, asked: Array, known: NDArray[np.bool_]) -> Array:
         limits = np.column_stack((self.fleet.max_speed, self.fleet.max_turn_rate))
@@ -292,9 +297,3 @@ def fleet(scenario: Scenario, robots: RobotModel | Mapping[str, RobotModel]) -> 
             raise InputError(f"robots: got {given}, expected a model for every robot of the scenario")
         models = [robots[role] for role in scenario.robots]
     return Fleet(*(np.array([getattr(model, name) for model in models]) for name in Fleet._fields))
-
-
-def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    from mp2a.checks import array
-
-    return array(name, value, shape)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from mp2a.formation.choreography.findings import Finding
 
 if TYPE_CHECKING:
-    from lark import Lark, Tree
+    from lark import Lark, Token, Tree
     from lark.exceptions import UnexpectedInput
 
 INSTRUCTIONS = ("row", "column", "triangle", "square", "move", "circle", "newVL")
@@ -82,14 +82,18 @@ def _line(number: int, content: str) -> Line | Finding:
         tree = _parser().parse(content)
     except UnexpectedInput as error:
         return _wrong(number, content, error)
-    nested = [child for child in tree.children if not isinstance(child, str)]
-    leading = tuple(Word(str(child), number, child.column or 1) for child in tree.children if isinstance(child, str))
-    parts = ((leading,), *(_rows(part, number) for part in nested))
+    nested = (child for child in tree.children if not isinstance(child, str))
+    parts = ((_words(tree, number),), *(_rows(part, number) for part in nested))
     return Line(number, str(tree.data), parts)
 
 
-def _rows(part: "Tree", number: int) -> tuple[tuple[Word, ...], ...]:
-    return tuple(tuple(Word(str(word), number, word.column) for word in row.children) for row in part.children)
+def _rows(part: "Tree[Token]", number: int) -> tuple[tuple[Word, ...], ...]:
+    rows = (row for row in part.children if not isinstance(row, str))
+    return tuple(_words(row, number) for row in rows)
+
+
+def _words(tree: "Tree[Token]", number: int) -> tuple[Word, ...]:
+    return tuple(Word(str(word), number, word.column or 1) for word in tree.children if isinstance(word, str))
 
 
 def _wrong(number: int, content: str, error: "UnexpectedInput") -> Finding:
@@ -99,7 +103,7 @@ def _wrong(number: int, content: str, error: "UnexpectedInput") -> Finding:
         column = len(content) - len(content.lstrip()) + 1
         return Finding("syntax", f"got {first[:40]!r}, expected {one_of(_KEYWORDS)}", line=number, column=column)
     end = len(content.rstrip()) + 1
-    column = min(error.column, end) if 0 < error.column else end
+    column = min(error.column, end) if error.column > 0 else end
     token = getattr(error, "token", None)
     at_end = token is not None and token.type == "$END"
     if at_end:
