@@ -44,7 +44,7 @@ WINDOW = 4.0
 """m, side of the square around the robot whose points count (section 5.2)."""
 CELL = 0.1
 """m, side of the cells that points are sorted into, so that a denser scan pushes no harder; ours."""
-CELL_FORCE = 0.05
+CELL_FORCE = 0.06
 """m²: an occupied cell straight ahead at distance d pushes with CELL_FORCE / d². Ours, for what section 5.2 asks of it:
 noticeable from 1 to 1.5 m away (half a metre of wall, 1 m ahead, outweighs a target 30° aside)."""
 STOP_DISTANCE = 0.55

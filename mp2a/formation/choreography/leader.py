@@ -87,7 +87,7 @@ def waypoint_twist(target: Array, max_speed: float) -> Array:
 def arc_rate(radius: Array, rate: Array, max_speed: float) -> Array:
     """Turn rate of an arc, halved until the leader's speed is within its limit (chapter 6, eq. 6.1)."""
     excess = np.maximum(np.abs(rate * radius) / (LEADER_SPEED_SHARE * max_speed), 1.0)
-    out: Array = rate * 0.5 ** np.ceil(np.log2(excess))
+    out: Array = rate * 0.5 ** np.ceil(np.log2(excess) - 1e-9)  # rounding shall not halve it
     return out
 
 
