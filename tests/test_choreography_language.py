@@ -151,6 +151,12 @@ def test_mistakes_of_the_whole(text, place, message):
         parse(text)
 
 
+def test_more_robots_than_can_be_checked_are_refused():
+    names = " ".join(f"R{i}" for i in range(2049))
+    (finding,) = mistakes(f"robots {names}\nrow {names.replace(' ', ',')} 0 1\nmove 1 0")
+    assert "got 2049, expected at most 2048" in finding.message
+
+
 def test_what_a_run_survives_is_noted_and_not_refused():
     text = "robots R1\ngroups\na R1\nb R1\nstart\nrow R1 0 0\nmove 0.2 0 a\n"
     notes = mistakes(text)

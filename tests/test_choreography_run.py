@@ -397,6 +397,18 @@ def test_leaders_motion_reaches_every_robot_of_a_run_through_the_scan():
     assert np.abs(v[~whole, 3:]).max() > 0.1
 
 
+def test_a_robot_can_ask_for_its_joint_at_any_time():
+    show = dance(LISTINGS["listing_6_3"])
+    for t in (0.0, 4.0, 13.0):
+        show.step(t, show.places(), np.zeros((4, 2)), None)
+        velocity = mp2a.rnea(motion.planar_chain(4), *show.joints(), method="compact", bodies=True).velocity
+        turn = show.state.leaders.twist[:, 1]
+        place = show.state.leaders.place
+        np.testing.assert_allclose(velocity[:, 2], turn, atol=1e-12)
+        np.testing.assert_allclose(velocity[:, 3], show.state.leaders.twist[:, 0] - turn * place[:, 1], atol=1e-12)
+        np.testing.assert_allclose(velocity[:, 4], turn * place[:, 0], atol=1e-12)
+
+
 def test_programs_hold_numbers_in_si_units():
     program = compile_program(parse("robots R1\nrow R1 0 0\nmove 2 -90\ncircle -3 180 0.1"))
     assert program.kind[0, 1:3].tolist() == [MOVE, CIRCLE]

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mp2a.exceptions import InputError
 from mp2a.formation.choreography import follower
 from mp2a.formation.choreography.constants import CELL, STOP_DISTANCE, STOP_SIDE
 from mp2a.formation.choreography.ideal import drive
-from mp2a.formation.choreography.obstacles import flatten, look
+from mp2a.formation.choreography.obstacles import flatten, from_cloud, look
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY, TRADR
@@ -74,6 +75,13 @@ def test_only_the_window_counts_and_nothing_that_is_not_finite():
     assert not result.front.any()
     assert not result.rear.any()
     assert seen([[1.99, 0.0]]).force[0, 0] < 0
+
+
+def test_floor_and_ceiling_of_a_cloud_are_not_in_the_way():
+    cloud = [[1, 0, 0.05], [1, 0.1, 0.11], [1, 0.2, 1.49], [1, 0.3, 1.6], [1, 0.4, np.nan]]
+    assert from_cloud(cloud).tolist() == [[1, 0.1], [1, 0.2]]
+    with pytest.raises(InputError, match=r"cloud: got shape \(1, 2\), expected \(k, 3\)"):
+        from_cloud([[1, 2]])
 
 
 def test_a_wall_pushes_harder_the_nearer_it_is_and_is_noticed_from_afar():

@@ -47,6 +47,8 @@ CELL = 0.1
 CELL_FORCE = 0.06
 """m²: an occupied cell straight ahead at distance d pushes with CELL_FORCE / d². Ours, for what section 5.2 asks of it:
 noticeable from 1 to 1.5 m away (half a metre of wall, 1 m ahead, outweighs a target 30° aside)."""
+LOWEST, HIGHEST = 0.1, 1.5
+"""m above the ground between which a point of a 3-D cloud counts (section 5.2)."""
 STOP_DISTANCE = 0.55
 """m from the robot's front or rear (section 5.2)."""
 STOP_SIDE = 0.05

@@ -10,7 +10,8 @@ class Finding:
     Attributes
     ----------
     kind
-        "syntax" and "scenario" (what the text says), "spacing", "radius", "speed", "collision", "time".
+        "syntax" and "scenario" (what the text says), "spacing" and "radius" (what shows on paper), "speed" (both),
+        "collision", "backwards" and "time" (what a run shows).
     message
         What was found and what was expected.
     serious

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mp2a.checks import numbers
 from mp2a.exceptions import InputError
-from mp2a.formation.choreography.constants import CELL, CELL_FORCE, STOP_DISTANCE, STOP_SIDE, WINDOW
+from mp2a.formation.choreography.constants import CELL, CELL_FORCE, HIGHEST, LOWEST, STOP_DISTANCE, STOP_SIDE, WINDOW
 from mp2a.spatial import Array
 
 _SIDE = round(WINDOW / CELL)
@@ -35,6 +35,21 @@ class Seen(NamedTuple):
     force: Array
     front: NDArray[np.bool_]
     rear: NDArray[np.bool_]
+
+
+def from_cloud(cloud: ArrayLike) -> Array:
+    """Points ``(k, 2)`` of a 3-D cloud ``(k, 3)`` in the robot's frame that are in the way: neither floor nor ceiling.
+
+    Raises
+    ------
+    InputError
+        If the cloud is not ``(k, 3)``.
+    """
+    points = numbers("cloud", cloud)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"cloud: got shape {points.shape}, expected (k, 3)")
+    height = points[:, 2]
+    return points[(height > LOWEST) & (height < HIGHEST), :2]
 
 
 def flatten(points: Sequence[ArrayLike | None], n: int) -> tuple[Array, NDArray[np.intp]]:

@@ -10,6 +10,8 @@ from mp2a.formation.choreography.findings import Finding
 from mp2a.formation.choreography.scenario import Circle, Group, Instruction, Move, NewLeader, Scenario, Shape
 from mp2a.formation.choreography.syntax import INSTRUCTIONS, Line, Word, lines, one_of
 
+_MOST_ROBOTS = 2048
+"""A check looks at every pair of them."""
 _LARGEST = 10_000.0
 """Of any number, in m, degrees or rad/s: beyond it a scenario is a slip of the pen."""
 
@@ -133,6 +135,8 @@ class _Reader:
             if word.text in self.robots:
                 self.note(word, f"robot {word.text}: listed twice, expected every role once")
             self.robots.setdefault(word.text, word)
+        if len(self.robots) > _MOST_ROBOTS:
+            self.note(_first(line), f"robots: got {len(self.robots)}, expected at most {_MOST_ROBOTS}")
 
     def take_groups(self, line: Line) -> None:
         if self.heading is not None or self.start is not None or self.instructions:

@@ -52,27 +52,32 @@ def _together(scenario: Scenario, k: int) -> list[Places]:
 
 
 def _tight(scenario: Scenario, fleet: Fleet, formations: list[Places], margin: float, line: int) -> Iterator[Finding]:
-    own, *others = formations
-    pairs = [*itertools.combinations(own, 2), *((a, b) for other in others for a in own for b in other)]
-    spots = {role: spot for formation in formations for role, spot in formation.items()}
-    for first, second in pairs:
-        i, j = scenario.robots.index(first), scenario.robots.index(second)
-        (x1, y1), (x2, y2) = spots[first], spots[second]
-        ahead = abs(x1 - x2) - (fleet.length[i] + fleet.length[j]) / 2
-        aside = abs(y1 - y2) - (fleet.width[i] + fleet.width[j]) / 2
-        free = float(np.hypot(max(ahead, 0.0), max(aside, 0.0)))
-        pair = f"{first} and {second}"
-        if free < margin - 1e-9:
-            got = "their bodies overlap" if free == 0 else f"{free:.2f} m between their bodies"
+    index = {role: i for i, role in enumerate(scenario.robots)}
+    roles = [role for formation in formations for role in formation]
+    spots = np.array([spot for formation in formations for spot in formation.values()])
+    which = [index[role] for role in roles]
+    first, second = np.triu_indices(len(roles), 1)
+    own = first < len(formations[0])  # pairs of two earlier formations were looked at before
+    first, second = first[own], second[own]
+    offset = np.abs(spots[first] - spots[second])
+    sizes = np.column_stack((fleet.length, fleet.width))[which]
+    gaps = offset - (sizes[first] + sizes[second]) / 2
+    free = np.hypot(*np.maximum(gaps, 0.0).T)
+    near = free < margin - 1e-9
+    held = ~near & (gaps[:, 0] < STOP_DISTANCE) & (gaps[:, 1] < STOP_SIDE)
+    for k in np.flatnonzero(near | held):
+        robots = roles[first[k]], roles[second[k]]
+        pair = " and ".join(robots)
+        if near[k]:
+            got = "their bodies overlap" if free[k] == 0 else f"{free[k]:.2f} m between their bodies"
             message = f"{pair}: {got}, expected at least {margin:.2f} m"
-            yield Finding("spacing", message, line=line, robots=(first, second))
-        elif ahead < STOP_DISTANCE and aside < STOP_SIDE:
-            rear = second if x2 < x1 else first
+        else:
+            rear = robots[1] if spots[second[k], 0] < spots[first[k], 0] else robots[0]
             message = (
-                f"{pair}: {ahead:.2f} m between them, and with LIDAR the stop signal holds {rear} until there are "
+                f"{pair}: {gaps[k, 0]:.2f} m between them, and with LIDAR the stop signal holds {rear} until there are "
                 f"{STOP_DISTANCE} m"
             )
-            yield Finding("spacing", message, serious=False, line=line, robots=(first, second))
+        yield Finding("spacing", message, serious=bool(near[k]), line=line, robots=robots)
 
 
 def _arc(scenario: Scenario, fleet: Fleet, circle: Circle, now: Places, max_speed: float) -> Iterator[Finding]:

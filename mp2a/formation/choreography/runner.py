@@ -10,6 +10,7 @@ from mp2a.checks import array, numbers
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography import follower, leader, obstacles
 from mp2a.formation.choreography.constants import LOST_POSES, SILENCE, TICK
+from mp2a.formation.choreography.motion import joint_state, place_motion
 from mp2a.formation.choreography.places import compose
 from mp2a.formation.choreography.program import END, compile_program
 from mp2a.formation.choreography.scenario import Instruction, Scenario
@@ -166,6 +167,11 @@ class Choreography:
         """Poses the robots are to have at present, ``(n, 3)``; before the first step where they are to start."""
         place = self.state.leaders.place
         return compose(self.state.leaders.pose, np.column_stack((place, np.zeros(len(place)))))
+
+    def joints(self) -> tuple[Array, Array, Array]:
+        """Return q, v, a of `mp2a.formation.choreography.motion.joint_state` from now until the next tick."""
+        leaders = self.state.leaders
+        return joint_state(place_motion(leaders.pose, leaders.twist, leaders.place))
 
     def step(self, t: float, poses: ArrayLike, twists: ArrayLike, points: Sequence[ArrayLike | None] | None) -> Array:
         """Commands for the present moment.
