@@ -150,6 +150,7 @@ def test_a_silent_lidar_is_an_error_for_that_robot_alone_and_for_good():
     # The last data came at tick 9; 0.3 s after it is the last moment without an error.
     assert errors[12] == [False, False]
     assert all(error == [False, True] for error in errors[13:])
+    assert show.state.queues.lengths[1] == 0  # nothing is kept for a robot that drives no more
 
 
 def test_lidar_that_once_was_there_and_stops_for_all_is_missed():

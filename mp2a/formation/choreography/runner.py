@@ -218,7 +218,9 @@ class Choreography:
             state = self._tick_on(state)
         safe = np.where(known[:, None], place, 0.0)
         queues, asked, excess = follower.steer(state.queues, state.leaders, safe, state.seen.force, self.max_speed)
-        queues = queues._replace(head=np.where(known, queues.head, state.queues.head))
+        # A lost robot keeps its queue; one in its error state never needs it again.
+        head = np.where(state.error, queues.tail, np.where(known, queues.head, state.queues.head))
+        queues = queues._replace(head=head)
         excess = np.where(known, excess, state.excess)
         self.state = state._replace(queues=queues, asked=asked, excess=excess)
         return self._limited(asked, known)
