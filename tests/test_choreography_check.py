@@ -85,6 +85,19 @@ def test_pairs_and_times_are_found_as_one_looks_for_them(seed):
             assert {tick for a, b, tick in found if (a, b) == (i, j)} == set(np.flatnonzero(close))
 
 
+def test_times_of_a_pair_that_are_close_together_are_one():
+    x = np.full(30, 5.0)
+    x[[3, 4, 7, 15, 19, 20]] = 0.5
+    poses = np.zeros((30, 2, 3))
+    poses[:, 1, 0] = x
+    for pause, spans in (
+        (0, [(k, k) for k in (3, 4, 7, 15, 19, 20)]),
+        (3, [(3, 7), (15, 15), (19, 20)]),
+        (4, [(3, 7), (15, 20)]),
+    ):
+        assert [(c.begin, c.end) for c in close_pairs(poses, np.ones((2, 2)), 0.1, pause)] == spans
+
+
 # ---- findings --------------------------------------------------------------------------------------------------
 
 

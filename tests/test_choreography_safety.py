@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography import follower
-from mp2a.formation.choreography.constants import CELL, STOP_DISTANCE, STOP_SIDE
+from mp2a.formation.choreography.constants import CELL, CELL_FORCE, STOP_DISTANCE, STOP_SIDE
 from mp2a.formation.choreography.ideal import drive
 from mp2a.formation.choreography.obstacles import flatten, from_cloud, look
 from mp2a.formation.choreography.reading import parse
@@ -66,6 +66,14 @@ def test_force_pushes_away_from_a_point(cell):
     force = seen([point]).force[0]
     assert force @ point < 0
     assert abs(force[0] * point[1] - force[1] * point[0]) < 1e-12
+    distance, bearing = np.hypot(*point), np.arctan2(point[1], point[0])
+    assert np.hypot(*force) == pytest.approx(CELL_FORCE * np.cos(bearing) ** 4 / distance**2)
+
+
+def test_a_neighbour_alongside_hardly_turns_a_robot():
+    side = np.column_stack((np.linspace(-0.4, 0.6, 30), np.full(30, 0.865)))  # a HUSKY 1.2 m to the left, 0.1 m ahead
+    assert abs(follower.avoidance(seen(side).force)[0]) < 0.1
+    assert abs(follower.avoidance(seen(side[:, ::-1] + [0.1, 0.0]).force)[0]) > 1
 
 
 def test_only_the_window_counts_and_nothing_that_is_not_finite():
@@ -122,6 +130,7 @@ def test_a_robot_stops_before_a_wall_and_goes_on_when_it_is_gone():
         commands = show.step(tick * 0.1, poses, twists, [points])
         poses, twists = drive(show.fleet, poses, twists, commands)
         stood.append(commands[0, 0] == 0)
+        assert show.blocked[0] == (stood[-1] and show.state.asked[0, 0] > 0)
         assert poses[0, 0] + HUSKY.length / 2 < 3.0 or tick >= 150
     assert all(stood[100:150])
     assert not any(stood[150:200])
@@ -135,6 +144,26 @@ def test_a_blocked_robot_may_still_drive_the_other_way_and_turn():
         commands = show.step(0.0, show.places(), np.zeros((1, 2)), [[[x, 0.0]]])
         assert (commands[0, 0] > 0) == forward
     assert commands[0, 1] != 0
+
+
+def test_a_robot_that_was_blocked_stays_so_until_new_points_come():
+    show = Choreography(parse(ONE), HUSKY)
+    front = [[0.9, 0.0]]
+    blocked = []
+    for tick, points in enumerate((front, None, None, CLEAR, None)):
+        show.step(tick * 0.1, show.places(), np.zeros((1, 2)), [points])
+        blocked.append(bool(show.blocked[0]))
+    assert blocked == [True, True, True, False, False]
+
+
+def test_a_robot_that_lost_its_pose_for_a_moment_has_its_path_still():
+    shows = [Choreography(parse(ONE), HUSKY, poses=[[50.0, 0.0, 0.0]]) for _ in range(2)]
+    for tick in range(8):
+        poses = shows[0].places() - [0.3, 0.0, 0.0]
+        shows[0].step(tick * 0.1, poses, np.zeros((1, 2)), None)
+        shows[1].step(tick * 0.1, poses if tick != 6 else poses * np.nan, np.zeros((1, 2)), None)
+        one, other = (show.state.queues.lengths[0] for show in shows)
+        assert one == other > 0 or tick == 6
 
 
 def test_a_silent_lidar_is_an_error_for_that_robot_alone_and_for_good():
@@ -186,13 +215,13 @@ def test_two_lost_poses_stop_a_robot_and_three_end_it():
     show = Choreography(parse(TWO), HUSKY)
     good, bad = show.places(), show.places()
     bad[0] = np.nan
-    lost = [False, True, True, False, True, True, True, False]
+    lost = [False, True, True, False, True, False, True, True, True, False]
     moves = []
     for tick, gone in enumerate(lost):
         commands = show.step(tick * 0.1, bad if gone else good, np.zeros((2, 2)), None)
         moves.append(bool(commands[0].any()))
         assert commands[1].any()
-    assert moves == [True, False, False, True, False, False, False, False]
+    assert moves == [True, False, False, True, False, True, False, False, False, False]
     assert show.state.error.tolist() == [True, False]
 
 

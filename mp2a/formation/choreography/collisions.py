@@ -59,7 +59,7 @@ def close_pairs(poses: Array, sizes: Array, margin: float, pause: int) -> list[C
     margin
         What is to stay free between two bodies, m.
     pause
-        Times of a pair that are fewer ticks apart are reported as one.
+        Times of a pair that are at most so many ticks apart are reported as one.
 
     Returns
     -------

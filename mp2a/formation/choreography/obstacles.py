@@ -2,7 +2,7 @@
 
 The thesis sums a small repulsive force over points and prints no law for it. Ours is that of Borenstein and Koren,
 whose method it is (Real-time obstacle avoidance for fast mobile robots, 1989): points are sorted into square cells, and
-every occupied cell pushes with 1/d², weighted with how straight ahead or behind it is, cos². So the number of rays does
+every occupied cell pushes with 1/d², weighted with how straight ahead or behind it is, cos⁴. So the number of rays does
 not matter, and a robot that drives alongside hardly does.
 """
 
@@ -111,6 +111,6 @@ def _field() -> Array:
     middle = (np.arange(_SIDE) + 0.5) * CELL - WINDOW / 2
     x, y = np.meshgrid(middle, middle, indexing="ij")
     distance = np.hypot(x, y)
-    size = CELL_FORCE / distance**2 * (x / distance) ** 2
+    size = CELL_FORCE / distance**2 * (x / distance) ** 4
     out: Array = np.stack((-size * x / distance, -size * y / distance), axis=-1).reshape(-1, 2)
     return out

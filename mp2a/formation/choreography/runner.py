@@ -159,9 +159,15 @@ class Choreography:
 
     @property
     def done(self) -> bool:
-        """Whether all leaders are through, and every robot is in its place or in its error state."""
-        settled = (self.state.excess < _IN_PLACE) | self.state.error
+        """Whether all leaders are through, and every robot is in place, blocked or in its error state."""
+        settled = (self.state.excess < _IN_PLACE) | self.blocked | self.state.error
         return self.state.tick >= 0 and bool((self.ended & settled).all())
+
+    @property
+    def blocked(self) -> NDArray[np.bool_]:
+        """Which robots a stop signal keeps from driving where they should, ``(n,)``."""
+        linear, seen = self.state.asked[:, 0], self.state.seen
+        return (seen.front & (linear > 0)) | (seen.rear & (linear < 0))
 
     def places(self) -> Array:
         """Poses the robots are to have at present, ``(n, 3)``; before the first step where they are to start."""
@@ -280,9 +286,7 @@ class Choreography:
     def _limited(self, asked: Array, known: NDArray[np.bool_]) -> Array:
         limits = np.column_stack((self.fleet.max_speed, self.fleet.max_turn_rate))
         out = np.clip(asked, -limits, limits)
-        seen = self.state.seen
-        blocked = (seen.front & (out[:, 0] > 0)) | (seen.rear & (out[:, 0] < 0))
-        out[blocked, 0] = 0.0
+        out[self.blocked, 0] = 0.0
         out[self.state.error | ~known] = 0.0
         return out
 
