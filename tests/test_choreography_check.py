@@ -134,7 +134,8 @@ def test_correct_scenario_of_the_thesis_fits_the_smaller_robot_alone():
     ],
 )
 def test_what_shows_on_paper(text, kind, robots, line, words):
-    found = [finding for finding in check(text, HUSKY) if finding.kind == kind and finding.serious]
+    found = [finding for finding in check(text, HUSKY) if finding.kind == kind and finding.time is None]
+    assert all(finding.serious for finding in found)
     assert [(finding.robots, finding.line) for finding in found] == [(robots, line)]
     assert words in found[0].message
 
@@ -154,7 +155,16 @@ def test_more_speed_than_the_slowest_robot_has_is_a_mistake():
     assert on_paper.kind == in_the_run.kind == "speed"
     assert "expected at most the 0.5 m/s of R2" in on_paper.message
     assert "R2 falls" in in_the_run.message
+    assert on_paper.serious
+    assert in_the_run.serious
     assert in_the_run.time[0] < 10
+
+
+def test_a_robot_that_catches_up_again_is_a_note():
+    text = "robots A B\nrow A,B 0 1.2\nmove 2 0\ncolumn A;B 3 0\nmove 2 0\nrow A,B 0 1.2\nmove 20 0"
+    for end, serious in (("move 20 0", False), ("move 2 0", True)):
+        found = [finding for finding in check(text.replace("move 20 0", end), TRADR) if finding.kind == "speed"]
+        assert [(finding.serious, finding.robots) for finding in found] == [(serious, ("B",))]
 
 
 def test_paths_that_cross_are_found_with_time_and_place():

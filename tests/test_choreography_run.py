@@ -16,7 +16,7 @@ import mp2a
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography import follower, leader, motion
 from mp2a.formation.choreography.constants import TARGET_AHEAD, TARGET_TOLERANCE, TICK, WAYPOINT_TOLERANCE
-from mp2a.formation.choreography.ideal import run
+from mp2a.formation.choreography.ideal import drive, run
 from mp2a.formation.choreography.places import arc, compose, seen_from, wrap
 from mp2a.formation.choreography.program import CIRCLE, MOVE, compile_program
 from mp2a.formation.choreography.reading import parse
@@ -407,6 +407,20 @@ def test_a_robot_can_ask_for_its_joint_at_any_time():
         np.testing.assert_allclose(velocity[:, 2], turn, atol=1e-12)
         np.testing.assert_allclose(velocity[:, 3], show.state.leaders.twist[:, 0] - turn * place[:, 1], atol=1e-12)
         np.testing.assert_allclose(velocity[:, 4], turn * place[:, 0], atol=1e-12)
+
+
+@given(st.tuples(st.floats(-1, 1), st.floats(-2, 2)), st.tuples(COORDINATE, COORDINATE), st.floats(0.01, 1))
+def test_ideal_robots_keep_their_limits_and_else_do_as_told(twist, command, dt):
+    one = dance("robots R1\nrow R1 0 0").fleet
+    pose, reached = drive(one, np.zeros((1, 3)), np.array([twist]), np.array([command]), dt)
+    most, change = np.array([1.0, 2.0]), np.array([3.0, 6.0]) * dt
+    assert (np.abs(reached) <= most + 1e-12).all()
+    assert (np.abs(reached - twist) <= change + 1e-12).all()
+    wanted = np.clip(command, -most, most)
+    near = np.abs(wanted - twist) <= change
+    np.testing.assert_allclose(reached[0, near], wanted[near], atol=1e-12)
+    assert (np.sign(reached[0] - twist) * np.sign(wanted - twist) >= 0).all()
+    np.testing.assert_allclose(pose[0], arc(reached, dt)[0], atol=1e-12)
 
 
 def test_programs_hold_numbers_in_si_units():

@@ -125,8 +125,9 @@ def _too_slow(dance: Choreography, done: Run) -> Iterator[Finding]:
             f"{dance.robots[i]} falls {most:.2f} m behind: it would have to drive up to {asked:.2f} m/s, "
             f"has {dance.fleet.max_speed[i]:g}{_during(dance, i, done.time[begin])}"
         )
-        lost = end == len(done.time) - 1
-        yield _seen("speed", message, lost, dance, done, i, begin, end)
+        # Serious if it has not caught up by the time its leader ends.
+        last = max((event.time for event in dance.events if event.robot == dance.robots[i]), default=np.inf)
+        yield _seen("speed", message, bool(done.time[end] >= last - 1e-9), dance, done, i, begin, end)
 
 
 def _backwards(dance: Choreography, done: Run) -> Iterator[Finding]:
