@@ -21,6 +21,7 @@ from mp2a.formation.choreography.places import arc, compose, seen_from, wrap
 from mp2a.formation.choreography.program import CIRCLE, MOVE, compile_program
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
+from mp2a.formation.choreography.scenario import Group, Move, Scenario, Shape
 from mp2a.formation.robot_models import HUSKY, ROBOTS, TRADR, RobotModel
 
 LISTINGS = {
@@ -326,6 +327,23 @@ def test_wrong_robots():
         dance(LISTINGS["listing_7_1"], max_speed=-1)
     with pytest.raises(InputError, match="width: got 0 for robot X, expected a positive number"):
         RobotModel("X", 1, 0, 1, 1, 1, 1)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "message"),
+    [
+        ("robots R1", "scenario: got str, expected a Scenario"),
+        (Scenario((), (), ()), "expected a Scenario with at least one robot"),
+        (Scenario(("A",), (), ()), "got no place for robot A at first"),
+        (Scenario(("A",), (), (Move(1.0, 0.0),)), "got no place for robot A at first"),
+        (Scenario(("A",), (Group("g", ("B",)),), ()), "got robot 'B' in g"),
+        (Scenario(("A",), (), (Shape("row", (("B",),), (), ((),)),)), "got robot 'B' in row"),
+        (Scenario(("A",), (), (Shape("row", (("A",),), (), ((),)), Move(1.0, 0.0, "g"))), "got group 'g'"),
+    ],
+)
+def test_scenarios_that_are_not_from_a_text(scenario, message):
+    with pytest.raises(InputError, match=message):
+        Choreography(scenario, HUSKY)
 
 
 def test_running_a_scenario_needs_no_parser():
