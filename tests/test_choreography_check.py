@@ -140,6 +140,12 @@ def test_what_shows_on_paper(text, kind, robots, line, words):
     assert words in found[0].message
 
 
+def test_each_pair_of_formations_with_one_leader_is_looked_at_once():
+    found = check("robots A B C\nrow A 0 0\nrow B 0 0\nrow C 0 0", HUSKY)
+    pairs = [(set(finding.robots), finding.line) for finding in found if finding.kind == "spacing"]
+    assert pairs == [({"A", "B"}, 3), ({"B", "C"}, 4), ({"A", "C"}, 4)]
+
+
 def test_a_turn_rate_that_has_to_be_halved_is_a_note():
     (note,) = check("robots A\nrow A 0 0\ncircle 2 90 0.5", HUSKY)
     assert (note.serious, note.kind, note.line) == (False, "speed", 3)

@@ -14,7 +14,7 @@ from mp2a.formation.choreography.places import places
 from mp2a.formation.choreography.program import CIRCLE, MEET, MOVE, SHAPE, compile_program
 from mp2a.formation.choreography.reading import mistakes, parse
 from mp2a.formation.choreography.scenario import Circle, Group, Move, NewLeader, Scenario, Shape, format
-from mp2a.formation.choreography.syntax import grammar
+from mp2a.formation.choreography.syntax import INSTRUCTIONS, grammar
 
 ROOT = Path(__file__).parents[1]
 LISTINGS = sorted((ROOT / "examples" / "scenarios").glob("listing_*.txt"))
@@ -67,6 +67,17 @@ def test_demo_explains_every_instruction_and_has_no_mistake():
 
 def test_docs_show_the_grammar_in_use():
     assert grammar() in (ROOT / "docs" / "choreography.md").read_text()
+
+
+def test_examples_of_the_docs_parse():
+    page = (ROOT / "docs" / "choreography.md").read_text()
+    head = "\n".join(line.strip() for line in page.split("\n") if line.startswith("    ")).split("start\n")[0]
+    head = head[head.index("# First") :] + "start\nsquare R1,R2;R3,R4 2 1;1\nmove 1 0 group1\nmove 1 0 group2\n"
+    examples = re.findall(r"^\| `[^`]+` \| `([^`]+)` \|", page, flags=re.M)
+    assert {example.split()[0] for example in examples} == {*INSTRUCTIONS}
+    for example in examples:
+        before = "row R1 0 0\n" if example == "newVL" else ""
+        assert mistakes(head + before + example) == []
 
 
 HEAD = "robots R1 R2 R3 R4\ngroups\ng R1 R2\nh R3 R4\nstart\nsquare R1,R2;R3,R4 2 1;1\nmove 1 0\n"

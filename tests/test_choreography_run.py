@@ -75,6 +75,11 @@ def test_waypoint_controller_is_equation_4_1(x, y, v_max):
     np.testing.assert_allclose(leader.waypoint_twist(np.array([x, y]), v_max), [linear, angular], atol=1e-6)
 
 
+def test_rounding_does_not_choose_the_side_of_a_waypoint_straight_behind():
+    for y in (0.0, 1e-12, -1e-12):
+        assert leader.waypoint_twist(np.array([-1.0, y]), 1.0).tolist() == [0.1, np.pi / 2]
+
+
 @given(st.floats(-10, 10).filter(lambda r: abs(r) > 0.1), st.floats(0.01, 1), st.floats(0.2, 2))
 def test_arc_controller_is_equation_4_3(radius, rate, off):
     linear, angular = leader.arc_twist(np.array(radius), np.array(rate), np.array(abs(radius) * off))

@@ -138,6 +138,16 @@ def test_a_robot_stops_before_a_wall_and_goes_on_when_it_is_gone():
     assert poses[0, 0] > 3.0
 
 
+def test_a_choreography_ends_though_a_robot_is_blocked():
+    show = Choreography(parse("robots R1\nrow R1 0 0\nmove 0.5 0"), HUSKY)
+    behind = show.places() - [0.3, 0.0, 0.0]
+    for points, done in ((CLEAR, False), ([[0.9, 0.0]], True), (CLEAR, False)):
+        for _ in range(20):
+            show.step((show.state.tick + 1) * 0.1, behind, np.zeros((1, 2)), [points])
+        assert show.ended.all()
+        assert show.done == done
+
+
 def test_a_blocked_robot_may_still_drive_the_other_way_and_turn():
     show = Choreography(parse(ONE), HUSKY)
     for x, forward in ((-0.9, True), (0.9, False)):
