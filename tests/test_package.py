@@ -15,12 +15,12 @@ MODULES = sorted(ROOT.rglob("*.py"))
 # From the bottom to the top; what is not named here stands above all of it.
 LAYERS = (
     "exceptions", "checks", "cores", "network", "spatial", "joints", "readers", "chain", "leaf", "segments",
-    "kernels", "schedule", "transport", "methods", "dynamics", "distributed", "arrangement", "launch", "reference", "model", "bench",
-    "formation", "simulator", "plot", "cli",
+    "kernels", "schedule", "transport", "methods", "dynamics", "distributed", "arrangement", "formation", "launch",
+    "reference", "model", "bench", "simulator", "plot", "cli",
 )  # fmt: skip
 NOT_ON_A_RANK = (
     "matplotlib", "pinocchio", "rich", "typer", "click", "argparse", "mujoco", "scipy", "numba",
-    "shapely", "foxglove", "tomllib", "tomli",
+    "shapely", "foxglove", "tomllib", "tomli", "lark",
 )  # fmt: skip
 
 
