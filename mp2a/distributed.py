@@ -2,20 +2,26 @@
 
 import hashlib
 import statistics
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
+from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from mp2a import schedule as schedules
 from mp2a.chain import Chain
 from mp2a.checks import count, numbers
 from mp2a.exceptions import InputError
 from mp2a.leaf import State, check_gravity, check_state
 from mp2a.methods import METHODS, InverseDynamics
 from mp2a.methods.auto import AUTO, Choice, choose
+from mp2a.methods.compact import paths_outwards
 from mp2a.network import EmulatedNetwork
+from mp2a.schedule import Schedule
+from mp2a.segments.motion import view
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.base import Transport
 from mp2a.transport.link import EmulatedLink, Link, make_link, measure
@@ -24,6 +30,11 @@ from mp2a.transport.trace import TraceTransport
 from mp2a.transport.wait import wait
 
 _SMALL, _LARGE, _ROUNDS = 24, 24_000, 7
+
+
+class _Carrier(NamedTuple):
+    schedule: Schedule
+    transport: MPITransport
 
 
 class DistributedChain:
@@ -105,12 +116,20 @@ class DistributedChain:
             self._comm.Free()
             raise
         self._serial = whole.is_serial
+        self._parents = whole.parents
+        self._carriers: dict[str, _Carrier] = {}
         self.body = whole.body(self._comm.Get_rank())
         self.transport = MPITransport(link, self.schedule)
         self.trace = TraceTransport(self.transport) if trace else None
 
     def rnea(
-        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, external_force: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        external_force: ArrayLike | None = None,
+        *,
+        wrong: InputError | None = None,
     ) -> InverseDynamics:
         """Inverse dynamics of the formation, each robot with its own joint's values; collective.
 
@@ -121,6 +140,8 @@ class DistributedChain:
             and ``(T, nv)``, which travel in the same messages. T is the same on every rank.
         external_force
             ``[torque; force]`` on this robot's body, in its frame about its origin, ``(6,)`` or ``(T, 6)``, N m and N.
+        wrong
+            An error that this rank's caller has found in its own input and that every rank is to raise.
 
         Returns
         -------
@@ -134,14 +155,16 @@ class DistributedChain:
         """
         error: InputError | None = None
         try:
+            if wrong is not None:
+                raise wrong
             state = check_state(self.body, q, v, a, _own_force(external_force))
             if state.samples > self.transport.most_samples:
                 raise InputError(
                     f"q, v, a: got {state.samples} samples, expected at most {self.transport.most_samples} a call "
                     "with this MPI"
                 )
-        except InputError as wrong:
-            error, state = wrong, _at_rest(self.body)
+        except InputError as found:
+            error, state = found, _at_rest(self.body)
         self.transport.begin(state.samples, sound=error is None)
         carrier: Transport = self.trace or self.transport
         result = METHODS[self.method].solve(self.body, state, self._gravity, self.schedule, carrier)
@@ -151,9 +174,69 @@ class DistributedChain:
             raise_together(self._comm, error)
             raise InputError(self._sample_counts(state.samples))
         cut = 0 if state.single else slice(None)
-        return InverseDynamics(
-            result.velocity[0][cut], result.acceleration[0][cut], result.force[0][cut], result.torque[cut]
-        )
+        parts: dict[str, Any] = {
+            name: None if (value := getattr(result, name)) is None else value[0][cut]
+            for name in ("velocity", "acceleration", "force", "rotation", "position")
+        }
+        return InverseDynamics(torque=result.torque[cut], **parts)
+
+    def placement(self, q: ArrayLike) -> tuple[Array, Array]:
+        """Where this robot is, by the rounds of motion alone, for methods whose `rnea` does not tell; collective.
+
+        Parameters
+        ----------
+        q
+            This robot's coordinates, ``(nq,)``.
+
+        Returns
+        -------
+        tuple of numpy.ndarray
+            Rotation from this body's to the base frame ``(3, 3)`` and position of its origin ``(3,)`` m.
+
+        Raises
+        ------
+        InputError
+            On every rank, if ``q`` of any rank is wrong.
+        """
+        error: InputError | None = None
+        state = _at_rest(self.body)
+        try:
+            state = check_state(self.body, q, state.v[0], state.a[0], None)
+        except InputError as found:
+            error = found
+        raise_together(self._comm, error)
+        carrier = self._one_way(schedules.motion)
+        path = paths_outwards(self.body, state, carrier.schedule, carrier.transport)[-1]
+        carrier.transport.flush()
+        place = view(path[0, 0])
+        return place.rotation, place.translation
+
+    def hand_on(self, values: Array) -> Array | None:
+        """Hand some numbers to the robots that hang on this one, and return those of its parent; collective.
+
+        Parameters
+        ----------
+        values
+            ``(k,)``, k the same on every rank.
+
+        Returns
+        -------
+        numpy.ndarray or None
+            ``(k,)`` of the robot that this one hangs on; None if it hangs on the base.
+        """
+        carrier = self._one_way(schedules.neighbours)
+        arrivals = carrier.transport.exchange(carrier.schedule.rounds[0], {schedules.MOTION: values[None]})
+        carrier.transport.flush()
+        return arrivals[0].data[0].copy() if arrivals else None
+
+    def _one_way(self, plan: Callable[[NDArray[np.intp]], Schedule]) -> "_Carrier":
+        """Transport for a schedule that runs outwards only, made when it is first wanted."""
+        if plan.__name__ not in self._carriers:
+            schedule = plan(self._parents)
+            self._carriers[plan.__name__] = _Carrier(schedule, MPITransport(self.transport.link, schedule))
+        carrier = self._carriers[plan.__name__]
+        carrier.transport.begin(1, sound=True)
+        return carrier
 
     def close(self) -> None:
         """Free the duplicate communicator; collective. Closing twice does nothing."""

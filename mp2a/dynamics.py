@@ -1,14 +1,17 @@
 """What users call: inverse dynamics of a chain in one process."""
 
-from typing import Literal, overload
+from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mp2a import schedule
 from mp2a.chain import Chain
 from mp2a.exceptions import InputError
 from mp2a.leaf import check_gravity, check_state
 from mp2a.methods import METHODS, InverseDynamics, serial
+from mp2a.methods.compact import paths_outwards
+from mp2a.segments import motion
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.local import LocalTransport
 
@@ -97,10 +100,44 @@ def rnea(
     torque = result.torque[0] if state.single else result.torque
     if not bodies:
         return torque
-    velocity, acceleration, force = (
-        x[:, 0] if state.single else np.moveaxis(x, 0, 1) for x in (result.velocity, result.acceleration, result.force)
-    )
-    return InverseDynamics(velocity, acceleration, force, torque)
+    outside = ("velocity", "acceleration", "force", "rotation", "position")
+    parts = {name: _samples_first(getattr(result, name), single=state.single) for name in outside}
+    return InverseDynamics(torque=torque, **parts)
+
+
+def placements(chain: Chain, q: ArrayLike) -> tuple[Array, Array]:
+    """Where the bodies of a chain are, by the rounds of motion alone.
+
+    Parameters
+    ----------
+    chain
+        n bodies.
+    q
+        Coordinates, ``(nq,)`` or ``(T, nq)``; rad and m.
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        Rotation from the body's to the base frame ``(n, 3, 3)`` and position of its origin ``(n, 3)`` m, with T in
+        front if ``q`` has it.
+
+    Raises
+    ------
+    InputError
+        As for `rnea`.
+    """
+    still = np.zeros((*np.shape(q)[:-1], chain.nv))
+    state = check_state(chain, q, still, still, None)
+    path = motion.view(paths_outwards(chain, state, schedule.motion(chain.parents), LocalTransport(len(chain)))[-1])
+    rotation, position = (_samples_first(x, single=state.single) for x in (path.rotation, path.translation))
+    return rotation, position
+
+
+def _samples_first(values: Any, *, single: bool) -> Any:
+    """Results ``(n, T, …)`` as ``(T, n, …)``, or as ``(n, …)`` for a single sample."""
+    if values is None:
+        return None
+    return values[:, 0] if single else np.moveaxis(values, 0, 1)
 
 
 def check_method(method: str) -> None:

@@ -21,15 +21,8 @@ def compact(bodies: Chain, state: State, gravity: Array, schedule: Schedule, tra
     A body remembers the path to its 2^e-th ancestor of every round. With it, it carries its force itself to where it
     sends it, so that a force is 6 numbers on the wire.
     """
-    joint = joint_motion(bodies, state)
-    paths = [motion.leaf(joint)]
-    for round_ in schedule.recurrence("motion"):
-        arrivals = transport.exchange(round_, {MOTION: paths[-1]})
-        longer = paths[-1].copy()
-        for _, nodes, data in arrivals:
-            longer[nodes] = kernels.compose(data.reshape(-1, state.samples, motion.DOUBLES), longer[nodes])
-        paths.append(longer)
-    velocity, acceleration = read_off(paths.pop(), gravity)
+    *paths, whole = paths_outwards(bodies, state, schedule, transport)
+    velocity, acceleration = read_off(whole, gravity)
     classical = spatial_to_classical(acceleration, velocity)
     mass, com = bodies.masses[:, None], bodies.coms[:, None]
     force = body_force(mass, com, bodies.origin_inertias[:, None], velocity, classical)
@@ -41,4 +34,21 @@ def compact(bodies: Chain, state: State, gravity: Array, schedule: Schedule, tra
             carried[nodes] = kernels.carry(path[nodes], force[nodes])
         for _, nodes, data in transport.exchange(round_, {FORCE: carried}):
             add(force, nodes, data.reshape(-1, state.samples, 6))
-    return InverseDynamics(velocity, classical, force, joint_torque(bodies, force))
+    place = motion.view(whole)
+    return InverseDynamics(velocity, classical, force, joint_torque(bodies, force), place.rotation, place.translation)
+
+
+def paths_outwards(bodies: Chain, state: State, schedule: Schedule, transport: Transport) -> list[Array]:
+    """Scan of motion: each body's paths ``(n, T, 24)`` from its 2^e-th ancestor, e = 0, 1, …; the last, from the base.
+
+    The schedule is `mp2a.schedule.compact` or its rounds of motion alone.
+    """
+    joint = joint_motion(bodies, state)
+    paths = [motion.leaf(joint)]
+    for round_ in schedule.recurrence("motion"):
+        arrivals = transport.exchange(round_, {MOTION: paths[-1]})
+        longer = paths[-1].copy()
+        for _, nodes, data in arrivals:
+            longer[nodes] = kernels.compose(data.reshape(-1, state.samples, motion.DOUBLES), longer[nodes])
+        paths.append(longer)
+    return paths

@@ -5,7 +5,7 @@ import numpy as np
 from mp2a.chain import Chain
 from mp2a.leaf import State, joint_motion, joint_torque
 from mp2a.methods.result import InverseDynamics
-from mp2a.spatial import Array, body_force, force_to_parent, motion_to_child, velocity_product
+from mp2a.spatial import Array, apply, body_force, force_to_parent, motion_to_child, velocity_product
 
 
 def serial(chain: Chain, state: State, gravity: Array) -> InverseDynamics:
@@ -15,8 +15,12 @@ def serial(chain: Chain, state: State, gravity: Array) -> InverseDynamics:
     velocity, acceleration = np.empty((n, samples, 6)), np.empty((n, samples, 6))
     at_rest = np.zeros((samples, 6))
     falling = np.tile(np.concatenate((np.zeros(3), -gravity)), (samples, 1))
+    rotation, position = motion.rotation.copy(), motion.translation.copy()
     for i, parent in enumerate(chain.parents):
         r, p, relative = motion.rotation[i], motion.translation[i], motion.velocity[i]
+        if parent >= 0:
+            rotation[i] = rotation[parent] @ r
+            position[i] = position[parent] + apply(rotation[parent], p)
         carried = motion_to_child(r, p, velocity[parent] if parent >= 0 else at_rest)
         velocity[i] = carried + relative
         acceleration[i] = (
@@ -31,4 +35,4 @@ def serial(chain: Chain, state: State, gravity: Array) -> InverseDynamics:
     for i in range(n - 1, -1, -1):
         if chain.parents[i] >= 0:
             force[chain.parents[i]] += force_to_parent(motion.rotation[i], motion.translation[i], force[i])
-    return InverseDynamics(velocity, acceleration, force, joint_torque(chain, force))
+    return InverseDynamics(velocity, acceleration, force, joint_torque(chain, force), rotation, position)

@@ -8,6 +8,7 @@ from mp2a.leaf import State, joint_motion, joint_torque
 from mp2a.methods.result import InverseDynamics
 from mp2a.schedule import FORCE, MOTION, Schedule
 from mp2a.segments import load, motion
+from mp2a.segments.motion import view
 from mp2a.spatial import Array, apply, spatial_to_classical, transpose
 from mp2a.transport.base import Nodes, Transport
 
@@ -37,12 +38,13 @@ def sweep(bodies: Chain, state: State, gravity: Array, schedule: Schedule, trans
                 add(below, nodes, data.reshape(-1, state.samples, load.DOUBLES))
     velocity, acceleration = read_off(path, gravity)
     force = kernels.force(below, velocity, acceleration)
-    return InverseDynamics(velocity, spatial_to_classical(acceleration, velocity), force, joint_torque(bodies, force))
+    classical, torque, whole = spatial_to_classical(acceleration, velocity), joint_torque(bodies, force), view(path)
+    return InverseDynamics(velocity, classical, force, torque, whole.rotation, whole.translation)
 
 
 def read_off(path: Array, gravity: Array) -> tuple[Array, Array]:
     """Velocity and spatial acceleration ``(n, T, 6)`` of bodies whose paths reach the base, which falls with -g."""
-    whole = motion.view(path)
+    whole = view(path)
     acceleration = whole.acceleration.copy()
     acceleration[..., 3:] -= apply(transpose(whole.rotation), np.broadcast_to(gravity, (*path.shape[:-1], 3)))
     return whole.velocity, acceleration
