@@ -273,12 +273,31 @@ class March:
 
     def _push(self, sensed: Sensed, failed: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:
         """Force of obstacles on the robots here: new where a sensor spoke, none where it has failed."""
-        ahead = sensed.points[:, 0] + 1j * sensed.points[:, 1]
-        far = np.abs(ahead - self.state.predecessor[sensed.robot]) > _KNOWN * self.law.radius
-        others = Sensed(sensed.points[far], sensed.robot[far], sensed.heard)
-        force, contact = obstacles.push(self.law, others, self.state.displacement.value)
-        kept = np.where(sensed.heard[:, None], force, self.state.push)
+        points, robot = sensed.points[:, 0] + 1j * sensed.points[:, 1], sensed.robot
+        contact = np.zeros(len(failed), dtype=bool)
+        contact[robot[np.abs(points) < self.law.radius]] = True
+        near = np.abs(points) < max(self.law.ahead, self.law.beside)
+        near &= np.abs(points - self.state.predecessor[robot]) > _KNOWN * self.law.radius
+        points, robot = self._from_path(points[near], robot[near])
+        force = obstacles.push(self.law, points, robot, self.state.displacement.value[:, 1])
+        turned = force * turn(-self.state.displacement.value[:, 2])
+        kept = np.where(sensed.heard[:, None], np.stack((turned.real, turned.imag), axis=-1), self.state.push)
         return np.where(failed[:, None], 0.0, kept), contact
+
+    def _from_path(
+        self, points: NDArray[np.complex128], robot: NDArray[np.intp]
+    ) -> tuple[NDArray[np.complex128], NDArray[np.intp]]:
+        """Points as seen along the robots' paths. What lies beyond a predecessor is the predecessor's to mind."""
+        straight = points * turn(self.state.displacement.value[robot, 2])
+        if not self.formation.layout.follows:
+            return straight, robot
+        here = point(self.state.pose)
+        own, _ = trail.seen_from(self.state.trail, np.arange(len(here)), here)
+        there = here[robot] + turn(self.state.pose[robot, 2]) * points
+        along, beyond_ = trail.seen_from(self.state.trail, robot, there)
+        leads = self._leads[robot]
+        kept = leads | ~beyond_
+        return np.where(leads, straight, along - own[robot])[kept], robot[kept]
 
     def _yield(self, load: Array) -> tuple[Displacement, Array]:
         """Displacement a tick later under a load in the robots' axes, and the load's work."""

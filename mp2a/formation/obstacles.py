@@ -10,7 +10,8 @@ from which line φ is measured, in which frame the vector stands, or how C_N and
 read here as follows.
 
 - The *segment* is the piece of path the robot is on: where it would be were there no obstacle. Δ_max, m, is how far to
-  the side of it the robot is.
+  the side of it the robot is. Obstacles are seen from it: how far along, how far to the side. In a line the path bends
+  as the robots ahead have made way, and whoever follows a path that is clear feels nothing.
 - The vector stands in the frame of the obstacle's ray: axis 1 points from the obstacle's nearest point to the robot
   (repulsion, k_R, a number), axis 2 at a right angle to it towards the path (attraction, k_A, 1/m²).
 - φ is the angle from that ray to the path's normal. So the matrix weighs the part of the vector across the path by C_N,
@@ -34,7 +35,6 @@ from numpy.typing import NDArray
 
 from mp2a.exceptions import InputError
 from mp2a.formation.plane import Complex
-from mp2a.formation.sensing import Sensed
 from mp2a.spatial import Array
 
 _TIE = 1e-6
@@ -84,43 +84,38 @@ class ObstacleLaw:
                 raise InputError(f"{name}: got {value!r}, expected a number above zero")
 
 
-def push(law: ObstacleLaw, sensed: Sensed, displacement: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Force of what robots sense on each of them.
+def push(law: ObstacleLaw, points: Complex, robot: NDArray[np.intp], aside: Array) -> Complex:
+    """Force on each robot of what it senses.
 
     Parameters
     ----------
     law
         Constants.
-    sensed
-        Points in the robots' frames.
-    displacement
-        Of each robot from its place on its path, in the axes of that place, ``(m, 3)``, m, m, rad.
+    points
+        From the robot to the obstacle along the path and across it, x + i y, ``(k,)``, m.
+    robot
+        Which of the m robots sensed it, ``(k,)``.
+    aside
+        How far the robots are to the left of their paths, ``(m,)``, m.
 
     Returns
     -------
-    tuple of numpy.ndarray
-        Force at the centre of mass in the robot's frame, ``(m, 2)``, N; and whether a point is inside the robot,
-        ``(m,)``. A point in a robot's very middle pushes it to the left.
+    numpy.ndarray
+        x + i y of the force in the path's axes, ``(m,)``, N. A point in a robot's very middle pushes it to the left.
     """
-    m = len(displacement)
-    inside = np.zeros(m, dtype=bool)
-    total = np.zeros(m, dtype=complex)
-    if len(sensed.points):
-        points = (sensed.points[:, 0] + 1j * sensed.points[:, 1]) * np.exp(1j * displacement[sensed.robot, 2])
-        inside[sensed.robot[np.abs(points) < law.radius]] = True
-        level = np.maximum(0.0, 1 - _reach(law, points)) ** 2
-        left = points.imag > _TIE
-        side = 2 * sensed.robot + left
-        nearest = np.zeros(2 * m)
-        np.maximum.at(nearest, side, level)
-        best = np.flatnonzero((level == nearest[side]) & (level > 0))
-        chosen = np.full(2 * m, -1)
-        chosen[side[best]] = best
-        chosen = chosen[chosen >= 0]
-        robots = sensed.robot[chosen]
-        forces = eq14(law, level[chosen], _ray(law, points[chosen], left[chosen]), displacement[robots, 1])
-        np.add.at(total, robots, forces * np.exp(-1j * displacement[robots, 2]))
-    return np.stack((total.real, total.imag), axis=-1), inside
+    total = np.zeros(len(aside), dtype=complex)
+    level = np.maximum(0.0, 1 - _reach(law, points)) ** 2
+    left = points.imag > _TIE
+    side = 2 * robot + left
+    most = np.zeros(2 * len(aside))
+    np.maximum.at(most, side, level)
+    best = np.flatnonzero((level == most[side]) & (level > 0))
+    chosen = np.full(2 * len(aside), -1)
+    chosen[side[best]] = best
+    chosen = chosen[chosen >= 0]
+    ray = _ray(law, points[chosen], left[chosen])
+    np.add.at(total, robot[chosen], eq14(law, level[chosen], ray, aside[robot[chosen]]))
+    return total
 
 
 def eq14(law: ObstacleLaw, level: Array, ray: Complex, aside: Array) -> Complex:

@@ -25,8 +25,8 @@ class Springs:
     Attributes
     ----------
     mass
-        m along x and y, kg. It is the joint's own, not the robot's: with the stiffness it says how quickly a robot makes
-        way. The default takes √(m/k) = 1.4 s, so that a robot at 0.7 m/s swerves at less than 1 m/s.
+        m along x and y, kg. It is the joint's own, not the robot's: with the stiffness it says how quickly a robot
+        makes way. The default takes √(m/k) = 1.4 s, so that a robot at 0.7 m/s swerves at less than 1 m/s.
     stiffness
         k along x and y, N/m.
     damping_ratio

@@ -106,6 +106,32 @@ def arc_length(place: Complex, direction: Complex, other: Complex, towards: Comp
     return out
 
 
+def seen_from(trail: Trail, rows: NDArray[np.intp], points: Complex) -> tuple[Complex, NDArray[np.bool_]]:
+    """Where points lie as seen from the paths in queues.
+
+    Parameters
+    ----------
+    trail
+        Queues.
+    rows
+        Which queue for each point, ``(k,)``.
+    points
+        Ground frame, ``(k,)``, m.
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        Arc length of the nearest place and, as imaginary part, how far to the left of it, ``(k,)``, m; and whether the
+        point lies ahead of the queue's end, where the predecessor is.
+    """
+    away = points[:, None] - trail.place[rows]
+    nearest = np.abs(away).argmin(1)
+    k = np.arange(len(points))
+    there = away[k, nearest] * np.conj(trail.direction[rows, nearest])
+    ahead = (nearest == PLACES - 1) & (there.real > 0)
+    return trail.arc[rows, nearest] + there, ahead
+
+
 def follow(trail: Trail, spacing: Array, catch_up: float, tick: float) -> tuple[Motion, Trail]:
     """Motion of the place a gap back on each queue, and the queues with the next tick's gap.
 
