@@ -273,14 +273,14 @@ def _natural(knots: Array, values: Complex) -> Complex:
     for i in range(1, k - 1):
         matrix[i, i - 1 : i + 2] = h[i - 1], 2 * (h[i - 1] + h[i]), h[i]
         right[i] = 6 * ((values[i + 1] - values[i]) / h[i] - (values[i] - values[i - 1]) / h[i - 1])
-    out: Complex = np.linalg.solve(matrix + 0j, right)
+    out: Complex = np.linalg.solve(matrix, right).astype(np.complex128)
     return out
 
 
 def _lengths(grid: Array, derivatives: Callable[[Array], tuple[Array, ...]]) -> Array:
     """Lengths between the grid's parameters by Gauss quadrature of the speed."""
     nodes, weights = np.polynomial.legendre.leggauss(5)
-    half = np.diff(grid) / 2
+    half: Array = np.diff(grid) / 2
     at = (grid[:-1] + half)[:, None] + half[:, None] * nodes
     out: Array = half * (np.abs(derivatives(at)[1]) @ weights)
     return out

@@ -20,6 +20,8 @@ from mp2a.spatial import Array
 PLACES = 40
 """Places a queue holds; `_STEPS` of them to a spacing."""
 _STEPS = 32
+_SLOW, _STILL = 1e-4, 1e-9
+"""m/s and m"""
 
 
 class Trail(NamedTuple):
@@ -72,11 +74,11 @@ def extend(trail: Trail, predecessor: Motion) -> Trail:
     """
     velocity = point(predecessor.velocity)
     speed = np.abs(velocity)
-    moving = speed > 0
+    moving = speed > _SLOW  # of what is slower, rounding might choose the direction
     heading = turn(predecessor.pose[:, 2])
-    towards = np.where(moving, velocity / np.where(moving, speed, 1.0), 1.0)
+    towards = np.where(moving, velocity / np.where(moving, speed, 1.0), trail.direction[:, -1] * np.conj(heading))
     place, direction = point(predecessor.pose), heading * towards
-    onwards = moving & ((np.conj(trail.direction[:, -1]) * (place - trail.place[:, -1])).real > 0)
+    onwards = (np.conj(trail.direction[:, -1]) * (place - trail.place[:, -1])).real > _STILL
     full = onwards & (trail.arc[:, -1] - trail.arc[:, -2] >= trail.step)
 
     def shifted(values: NDArray[Any]) -> NDArray[Any]:
