@@ -31,7 +31,7 @@ def pack(points: Sequence[ArrayLike | None]) -> Sensed:
         If one of them is not ``(k, 2)`` finite numbers.
     """
     clouds = [
-        np.empty((0, 2)) if cloud is None else array(f"points of robot {i}", cloud, (None, 2))
+        np.empty((0, 2)) if cloud is None or np.size(cloud) == 0 else array(f"points of robot {i}", cloud, (None, 2))
         for i, cloud in enumerate(points)
     ]
     owners = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
@@ -58,6 +58,10 @@ def check(sensed: Sensed, robots: int) -> Sensed:
 def nothing(robots: int) -> Sensed:
     """Sensors that see nothing."""
     return Sensed(np.empty((0, 2)), np.empty(0, dtype=np.intp), np.ones(robots, dtype=bool))
+
+
+_INSIDE = 1e-3
+"""m"""
 
 
 class Discs:
@@ -89,9 +93,9 @@ class Discs:
         distance = np.abs(ahead)
         robot, disc = np.nonzero(distance - self.discs[:, 2] < self.reach)
         far = distance[robot, disc]
-        # From within a disc the nearest point of its edge lies behind the robot; at its very centre, anywhere.
+        # Within a disc its edge would push a robot to the middle; it feels what is next to it on the middle's side.
         towards = np.where(far > 0, ahead[robot, disc] / np.where(far > 0, far, 1.0), 1.0)
-        at = towards * (far - self.discs[disc, 2]) * np.exp(-1j * poses[robot, 2])
+        at = towards * np.maximum(far - self.discs[disc, 2], _INSIDE) * np.exp(-1j * poses[robot, 2])
         return Sensed(np.stack((at.real, at.imag), axis=-1), robot, np.ones(len(poses), dtype=bool))
 
     def clearance(self, poses: Array) -> Array:
