@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 from mp2a import __version__
 from mp2a.bench.settings import ERROR
-from mp2a.cli import bench, model, plot, schedule, trace
+from mp2a.cli import bench, march, model, plot, schedule, trace
 from mp2a.exceptions import InputError, MissingError
 
-_SUBCOMMANDS = (bench, plot, model, schedule, trace)
+_SUBCOMMANDS = (bench, plot, model, schedule, trace, march)
 _INTERRUPTED = 130
 
 
