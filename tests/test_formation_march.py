@@ -1,9 +1,12 @@
 """The march: followers retrace, robots make way and come back, what goes wrong has an answer."""
 
+import doctest
+
 import numpy as np
 import pytest
 
-from mp2a import InputError, rnea
+import mp2a.formation.march
+from mp2a import InputError, placements, rnea
 from mp2a.formation import (
     SHAPES,
     Discs,
@@ -18,8 +21,8 @@ from mp2a.formation import (
     spline,
     waypoints,
 )
-from mp2a.formation.plane import coordinates, wrap
-from mp2a.formation.springs import energy
+from mp2a.formation.plane import Motion, at_rest, beyond, coordinates, wrap
+from mp2a.formation.springs import energy, joint, none
 from mp2a.methods import METHODS
 
 BEND = waypoints([[0, 0], [8, 0], [8, 8], [16, 12]], 2.0, Limits(1.0, 0.5, 0.5))
@@ -146,6 +149,36 @@ def test_force_and_motion_are_those_of_the_recurrences(shape):
     headings = report.scan.motion.pose[:, 2]
     total = (places(external) * np.exp(1j * headings)).sum() * np.exp(-1j * headings[0])
     assert np.allclose(complex(*report.scan.obstacles[0, :2]), total)
+
+
+def test_the_load_of_a_joint_is_the_work_that_its_displacement_makes_the_obstacles_do():
+    """Virtual work: forces that keep their direction, and the derivative of their work by every displacement."""
+    rng = np.random.default_rng(4)
+    formation = Formation.of("triangle", 6)
+    exchange = OneProcess(formation.chain)
+    forces, displaced = rng.normal(size=6) + 1j * rng.normal(size=6), rng.normal(scale=0.3, size=(6, 3))
+
+    def scan(displacement):
+        bend = Motion(*joint(none(6)._replace(value=displacement)))
+        joints = beyond(at_rest(formation.layout.places), bend)
+        pose = placements(formation.chain, coordinates(joints).ravel())
+        heading = np.arctan2(pose[0][:, 1, 0], pose[0][:, 0, 0])
+        own = forces * np.exp(-1j * heading)
+        external = np.stack((own.real, own.imag, np.zeros(6)), axis=-1)
+        return exchange.scan(joints, external, None)
+
+    def work(displacement):
+        return (np.conj(forces) * places(scan(displacement).motion.pose)).real.sum()
+
+    load = scan(displaced).obstacles
+    turned = places(load) * np.exp(1j * displaced[:, 2])
+    step = 1e-5
+    for i in range(6):
+        for k, wanted in enumerate((turned[i].real, turned[i].imag, load[i, 2])):
+            change = np.zeros((6, 3))
+            change[i, k] = step
+            got = (work(displaced + change) - work(displaced - change)) / (2 * step)
+            assert got == pytest.approx(wanted, abs=1e-6)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -359,3 +392,15 @@ def test_bad_input_is_refused(make, error):
 def test_a_setpoints_twist_is_what_a_velocity_command_holds():
     setpoints = Setpoints(np.zeros((1, 3)), np.array([0.4]), np.array([0.2]), np.zeros((1, 2)), np.zeros(1, dtype=bool))
     assert setpoints.twist.tolist() == [[0.4, 0.2]]
+
+
+def test_the_example_of_the_docstring():
+    assert doctest.testmod(mp2a.formation.march).failed == 0
+
+
+def test_every_public_name_is_there():
+    for name in mp2a.formation.__all__:
+        assert getattr(mp2a.formation, name) is not None
+    assert dir(mp2a.formation) == sorted(mp2a.formation.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        mp2a.formation.nothing  # noqa: B018
