@@ -72,7 +72,7 @@ def test_a_path_rests_before_its_start_and_after_its_end(path):
     for time in (-1.0, 0.0, path.duration, path.duration + 5):
         motion = path.at(time)
         assert (motion.velocity == 0).all()
-    distance = np.abs(np.diff([point(path.at(time).pose) for time in np.linspace(0, path.duration, 4000)])).sum()
+    distance = np.abs(np.diff([point(path.at(time).pose) for time in np.linspace(0, path.duration, 1500)])).sum()
     assert abs(distance - path.length) < 1e-3 * path.length
 
 
@@ -91,9 +91,9 @@ def test_waypoints_begin_and_end_at_the_points_and_pass_corners_within_their_arc
 def test_spline_goes_through_its_points():
     points = np.array([[0, 0], [4, 1], [6, 5], [2, 7]])
     path = PATHS["spline"]
-    track = np.array([path.at(time).pose[:2] for time in np.linspace(0, path.duration, 20000)])
+    track = np.array([path.at(time).pose[:2] for time in np.linspace(0, path.duration, 4000)])
     for corner in points:
-        assert np.hypot(*(track - corner).T).min() < 1e-3
+        assert np.hypot(*(track - corner).T).min() < 3e-3
 
 
 @given(st.lists(st.tuples(places, places), min_size=2, max_size=7), st.floats(0.1, 5))

@@ -53,6 +53,8 @@ class State(NamedTuple):
 
     ticks: int
     """Done so far."""
+    departure: int
+    """Tick at which the leader's path began."""
     displacement: Displacement
     """Of the virtual joints, ``(m, 3)`` each, in the axes of the undisplaced places."""
     trail: Trail
@@ -91,7 +93,8 @@ class March:
     formation
         Shape and robots, the same on every rank.
     path
-        What the leader is to drive; known to the leader's process alone, and ignored in others. None: it stands.
+        What the leader is to drive; known to the leader's process alone, and ignored in others. None: it stands until
+        `lead` gives it one.
     exchange
         How the robots of this process reach the others. None: all are here.
     springs
@@ -151,12 +154,25 @@ class March:
         self._places = formation.layout.places[robots]
         self._spacings = formation.spacings[robots]
         self._step = solve(self.springs, self.tick)
-        self.state = self._begin(None if start is None else array("start", start, (len(formation), 3)))
+        places = None if start is None else array("start", start, (len(formation), 3))
+        self._post = np.zeros(3) if places is None else places[0]
+        self.state = self._begin(places)
 
     @property
     def time(self) -> float:
         """Of the next step, s."""
         return self.state.ticks * self.tick
+
+    def lead(self, path: Path) -> None:
+        """Give the leader a path that begins at the next step; to be called in its process alone, when it stands.
+
+        The path may begin somewhere else than where the leader is: its virtual joint takes up the difference.
+        """
+        self.path = path
+        away = between(at_rest(path.at(0.0).pose), at_rest(self.state.pose)).pose
+        rest = springs.none(len(away))._replace(value=self._loose(away))
+        mixed = (np.where(self._leads[:, None], x, y) for x, y in zip(rest, self.state.displacement, strict=True))
+        self.state = self.state._replace(departure=self.state.ticks, displacement=Displacement(*mixed))
 
     def step(self, sensed: Sensed | None = None) -> Setpoints:
         """Do a tick; collective where the robots are on ranks.
@@ -204,6 +220,7 @@ class March:
         pose = np.where(failed[:, None], state.pose, scan.motion.pose)
         self.state = State(
             state.ticks + 1,
+            state.departure,
             displacement,
             trail.extend(queue, predecessor),
             pose,
@@ -234,12 +251,12 @@ class March:
             places = between(at_rest(ground), at_rest(start[robots]))
         scan = self.exchange.scan(places, np.zeros((m, 3)), None)
         pose = scan.motion.pose
-        away = between(at_rest(rest.pose), places).pose
-        away[:, 2] = np.where(np.isinf(self.springs.turning_stiffness), 0.0, wrap(away[:, 2]))
+        away = self._loose(between(at_rest(rest.pose), places).pose)
         free = self._leads if layout.follows else np.ones(m, dtype=bool)
         displacement = springs.none(m)._replace(value=np.where(free[:, None], away, 0.0))
         return State(
             ticks=0,
+            departure=0,
             displacement=displacement,
             trail=trail.begin(pose, before(scan.motion, places).pose, self._reach()),
             pose=pose,
@@ -248,6 +265,11 @@ class March:
             silent=np.zeros(m, dtype=np.intp),
             failed=np.zeros(m, dtype=bool),
         )
+
+    def _loose(self, away: Array) -> Array:
+        """Part of a displacement ``(m, 3)`` that the joints can have."""
+        turned = np.zeros(len(away)) if np.isinf(self.springs.turning_stiffness) else wrap(away[:, 2])
+        return np.column_stack((away[:, :2], turned))
 
     def _reach(self) -> Array:
         """Spacings; the leader, who follows nobody, has some length as well."""
@@ -258,16 +280,17 @@ class March:
 
         In the ground frame; in a rigid shape in the frame of the one they hang on, except for the leader.
         """
+        since = (self.state.ticks - self.state.departure) * self.tick
         if not self.formation.layout.follows:
-            return self._at_path(at_rest(self._places), self.time), self.state.trail
+            return self._at_path(at_rest(self._places), since), self.state.trail
         target, queue = trail.follow(self.state.trail, self._reach(), CATCH_UP, self.tick)
-        return self._at_path(target, self.time), queue
+        return self._at_path(target, since), queue
 
     def _at_path(self, motion: Motion, time: float) -> Motion:
         """Put the leader on its path, if it is here."""
         if not self._leads.any():
             return motion
-        leader = at_rest(np.zeros(3)) if self.path is None else self.path.at(time)
+        leader = at_rest(self._post) if self.path is None else self.path.at(time)
         parts = (np.where(self._leads[:, None], x[None], y) for x, y in zip(leader, motion, strict=True))
         return Motion(*parts)
 

@@ -21,6 +21,7 @@ from mp2a.spatial import Array
 
 _KNOT = 0.05
 """Distance between knots of the speed profile, m."""
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
 class Place(NamedTuple):
@@ -279,8 +280,7 @@ def _natural(knots: Array, values: Complex) -> Complex:
 
 def _lengths(grid: Array, derivatives: Callable[[Array], tuple[Array, ...]]) -> Array:
     """Lengths between the grid's parameters by Gauss quadrature of the speed."""
-    nodes, weights = np.polynomial.legendre.leggauss(5)
     half: Array = np.diff(grid) / 2
-    at = (grid[:-1] + half)[:, None] + half[:, None] * nodes
-    out: Array = half * (np.abs(derivatives(at)[1]) @ weights)
+    at = (grid[:-1] + half)[:, None] + half[:, None] * _NODES
+    out: Array = half * (np.abs(derivatives(at)[1]) @ _WEIGHTS)
     return out

@@ -20,10 +20,10 @@ class Setpoints(NamedTuple):
     """Forward, along the heading, ``(m,)``, m/s."""
     turn_rate: Array
     """``(m,)``, rad/s, positive to the left."""
-    acceleration: Array
-    """Forward m/s² and of the turn rate rad/s², ``(m, 2)``."""
-    failed: NDArray[np.bool_]
-    """``(m,)``: robots in their error state."""
+    acceleration: Array | None = None
+    """Forward m/s² and of the turn rate rad/s², ``(m, 2)``; None where nobody knows it."""
+    failed: NDArray[np.bool_] | None = None
+    """``(m,)``: robots in their error state; None where none can be."""
 
     @property
     def twist(self) -> Array:
