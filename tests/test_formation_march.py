@@ -4,6 +4,8 @@ import doctest
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import mp2a.formation.march
 from mp2a import InputError, placements, rnea
@@ -416,3 +418,35 @@ def test_every_public_name_is_there():
     assert dir(mp2a.formation) == sorted(mp2a.formation.__all__)
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         mp2a.formation.nothing  # noqa: B018
+
+
+coordinate = st.floats(-6, 6).map(lambda x: round(x, 1))
+
+
+@settings(max_examples=15)
+@given(
+    st.sampled_from(sorted(set(SHAPES) - {"box"})),
+    st.lists(st.tuples(coordinate, coordinate, st.floats(0, 3.1)), min_size=1, max_size=6),
+    st.lists(st.tuples(coordinate, coordinate, st.floats(0, 1)), max_size=5),
+    st.integers(0, 10_000),
+    st.sampled_from([0.05, 0.1, 0.7]),
+)
+def test_any_start_and_any_obstacles_make_a_march(shape, start, discs, seed, tick):
+    """Whatever is given: finite setpoints, bounded forces, energy that falls, and rest in the end."""
+    rng = np.random.default_rng(seed)
+    march = March(Formation.of(shape, len(start)), waypoints([[0, 0], [3, 1]]), start=start, tick=tick)
+    world = Discs(discs)
+    for _ in range(60):
+        sensed = world.sense(march.state.pose)
+        setpoints = march.step(sensed._replace(heard=rng.random(len(start)) > 0.2))
+        assert all(np.isfinite(part).all() for part in setpoints)
+        assert np.isfinite(march.report.scan.force).all()
+        assert (setpoints.twist[setpoints.failed] == 0).all()
+        assert np.abs(march.report.push).max() < 10 * march.law.force
+    levels = []
+    for _ in range(400):
+        setpoints = march.step()
+        levels.append(energy(march.springs, march.state.displacement).sum())
+    assert (np.diff(levels) <= 1e-9 * (1 + levels[0])).all()
+    if tick >= 0.1:
+        assert np.abs(setpoints.twist).max() < 0.25  # at most someone far behind is closing up still

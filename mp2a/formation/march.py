@@ -202,7 +202,7 @@ class March:
         except InputError as error:
             given, wrong = sensing.nothing(m), error
         silent = np.where(given.heard, 0, state.silent + 1)
-        failed = state.failed | (silent * self.tick > SILENCE - self.tick / 2)
+        failed = state.failed | (silent * self.tick > SILENCE - 1e-9)
         push, contact = self._push(given, failed)
 
         target, queue = self._target()
