@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mp2a import schedule as schedules
 from mp2a.chain import Chain
-from mp2a.checks import count, numbers
+from mp2a.checks import array, count, numbers
 from mp2a.exceptions import InputError
 from mp2a.leaf import State, check_gravity, check_state
 from mp2a.methods import METHODS, InverseDynamics
@@ -211,7 +211,7 @@ class DistributedChain:
         place = view(path[0, 0])
         return place.rotation, place.translation
 
-    def hand_on(self, values: Array) -> Array | None:
+    def hand_on(self, values: ArrayLike) -> Array | None:
         """Hand some numbers to the robots that hang on this one, and return those of its parent; collective.
 
         Parameters
@@ -223,10 +223,18 @@ class DistributedChain:
         -------
         numpy.ndarray or None
             ``(k,)`` of the robot that this one hangs on; None if it hangs on the base.
+
+        Raises
+        ------
+        InputError
+            If ``values`` is not one row of numbers, or the parent's row has another length; on this rank alone.
         """
+        values = array("values", values, (None,))
         carrier = self._one_way(schedules.neighbours)
         arrivals = carrier.transport.exchange(carrier.schedule.rounds[0], {schedules.MOTION: values[None]})
         carrier.transport.flush()
+        if not carrier.transport.sound:
+            raise InputError(f"values: got {len(values)} and another number from the parent, expected as many")
         return arrivals[0].data[0].copy() if arrivals else None
 
     def _one_way(self, plan: Callable[[NDArray[np.intp]], Schedule]) -> "_Carrier":

@@ -214,15 +214,16 @@ class March:
         external = np.concatenate((push, np.zeros((m, 1))), axis=-1)
         scan = self.exchange.scan(joints, external, wrong)
 
-        predecessor = before(scan.motion, joints)
-        load = external if self.formation.layout.follows else scan.obstacles
+        load = scan.obstacles
+        if self.formation.layout.follows:
+            load, queue = external, trail.extend(queue, before(scan.motion, joints))
         displacement, work = self._yield(load)
         pose = np.where(failed[:, None], state.pose, scan.motion.pose)
         self.state = State(
             state.ticks + 1,
             state.departure,
             displacement,
-            trail.extend(queue, predecessor),
+            queue,
             pose,
             self._seen(joints),
             push,

@@ -42,4 +42,10 @@ for branching in (1, 3):
         check(len(set(COMM.allgather(tuple(errors)))) == 1, errors)
         check(errors[1] == f"rank {SIZE - 1}: what I know", errors)
         check(formation.hand_on(np.ones(1)) is None or parent >= 0)
+        try:  # another length on rank 0 is noticed by those that hang on it
+            formation.hand_on(np.ones(3 if RANK == 0 else 2))
+            check(parent != 0)
+        except mp2a.InputError as error:
+            check(parent == 0 and "expected as many" in str(error))
+        check(formation.hand_on([2.0]) is None or parent >= 0)
 check.done()
