@@ -2,23 +2,25 @@
 
 import hashlib
 import statistics
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from types import TracebackType
+from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 
+from mp2a import schedule as schedules
 from mp2a.chain import Chain
 from mp2a.checks import array, count, numbers
 from mp2a.exceptions import InputError
 from mp2a.leaf import State, check_gravity, check_state
-from mp2a.methods import METHODS, InverseDynamics, block
+from mp2a.methods import METHODS, InverseDynamics, block, compact
 from mp2a.methods.auto import AUTO, Choice, choose
 from mp2a.network import EmulatedNetwork
-from mp2a.schedule import Formation, shifted
+from mp2a.schedule import Formation, Schedule, shifted
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.base import Transport
 from mp2a.transport.link import EmulatedLink, Link, make_link, measure
@@ -27,6 +29,11 @@ from mp2a.transport.trace import TraceTransport
 from mp2a.transport.wait import wait
 
 _SMALL, _LARGE, _ROUNDS = 24, 24_000, 7
+
+
+class _Carrier(NamedTuple):
+    schedule: Schedule
+    transport: MPITransport
 
 
 class DistributedChain:
@@ -120,6 +127,8 @@ class DistributedChain:
             self._comm.Free()
             raise
         self._serial = whole.is_serial
+        self._parents = whole.parents
+        self._carriers: dict[str, _Carrier] = {}
         rank = self._comm.Get_rank()
         self.bodies = range(sum(counts[:rank]), sum(counts[: rank + 1]))
         self.part = block.cut(whole, self.bodies) if self._blocks else whole.body(rank)
@@ -127,7 +136,13 @@ class DistributedChain:
         self.trace = TraceTransport(self.transport) if trace else None
 
     def rnea(
-        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, external_force: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        external_force: ArrayLike | None = None,
+        *,
+        wrong: InputError | None = None,
     ) -> InverseDynamics:
         """Inverse dynamics of the formation, each rank with the values of its own joints; collective.
 
@@ -139,6 +154,8 @@ class DistributedChain:
         external_force
             ``[torque; force]`` on this rank's body, in its frame about its origin, ``(6,)`` or ``(T, 6)``, N m and N.
             If there are more bodies than ranks, on its m bodies, ``(m, 6)`` or ``(T, m, 6)``.
+        wrong
+            An error that this rank's caller has found in its own input and that every rank is to raise.
 
         Returns
         -------
@@ -153,14 +170,16 @@ class DistributedChain:
         """
         error: InputError | None = None
         try:
+            if wrong is not None:
+                raise wrong
             state = check_state(self.part, q, v, a, self._own_force(external_force))
             if state.samples > self.transport.most_samples:
                 raise InputError(
                     f"q, v, a: got {state.samples} samples, expected at most {self.transport.most_samples} a call "
                     "with this MPI"
                 )
-        except InputError as wrong:
-            error, state = wrong, _at_rest(self.part)
+        except InputError as found:
+            error, state = found, _at_rest(self.part)
         self.transport.begin(state.samples, sound=error is None)
         carrier: Transport = self.trace or self.transport
         method = METHODS[self.method]
@@ -175,12 +194,86 @@ class DistributedChain:
         velocity, acceleration, force = (x[at] for x in (result.velocity, result.acceleration, result.force))
         if self._blocks and not state.single:  # samples first
             velocity, acceleration, force = (np.swapaxes(x, 0, 1) for x in (velocity, acceleration, force))
-        return InverseDynamics(velocity, acceleration, force, result.torque[at[1]])
+        place = (None if x is None else x[at] for x in (result.rotation, result.position))
+        return InverseDynamics(velocity, acceleration, force, result.torque[at[1]], *place)
+
+    def placement(self, q: ArrayLike) -> tuple[Array, Array]:
+        """Where this robot is, by the rounds of motion alone, for methods whose `rnea` does not tell; collective.
+
+        Parameters
+        ----------
+        q
+            This robot's coordinates, ``(nq,)``.
+
+        Returns
+        -------
+        tuple of numpy.ndarray
+            Rotation from this body's to the base frame ``(3, 3)`` and position of its origin ``(3,)`` m.
+
+        Raises
+        ------
+        InputError
+            On every rank, if ``q`` of any rank is wrong, or there are more bodies than ranks.
+        """
+        self._one_body_a_rank("placement")
+        error: InputError | None = None
+        state = _at_rest(self.part)
+        try:
+            state = check_state(self.part, q, state.v[0], state.a[0], None)
+        except InputError as found:
+            error = found
+        raise_together(self._comm, error)
+        carrier = self._one_way(schedules.motion)
+        rotation, position = compact.placements(self.part, state, *carrier)
+        carrier.transport.flush()
+        return rotation[0, 0], position[0, 0]
+
+    def hand_on(self, values: ArrayLike) -> Array | None:
+        """Hand some numbers to the robots that hang on this one, and return those of its parent; collective.
+
+        Parameters
+        ----------
+        values
+            ``(k,)``, k the same on every rank.
+
+        Returns
+        -------
+        numpy.ndarray or None
+            ``(k,)`` of the robot that this one hangs on; None if it hangs on the base.
+
+        Raises
+        ------
+        InputError
+            If ``values`` is not one row of numbers, or the parent's row has another length; on this rank alone. On
+            every rank, if there are more bodies than ranks.
+        """
+        self._one_body_a_rank("hand_on")
+        values = array("values", values, (None,))
+        carrier = self._one_way(schedules.neighbours)
+        arrivals = carrier.transport.exchange(carrier.schedule.rounds[0], {schedules.MOTION: values[None]})
+        carrier.transport.flush()
+        if not carrier.transport.sound:
+            raise InputError(f"values: got {len(values)} and another number from the parent, expected as many")
+        return arrivals[0].data[0].copy() if arrivals else None
+
+    def _one_body_a_rank(self, what: str) -> None:
+        if self._blocks:
+            raise InputError(f"{what}: got a chain with more bodies than ranks, expected one body a rank")
+
+    def _one_way(self, plan: Callable[[Formation], Schedule]) -> _Carrier:
+        """Transport for a schedule that runs outwards only, made when it is first wanted."""
+        if plan.__name__ not in self._carriers:
+            schedule = plan(self._parents)
+            self._carriers[plan.__name__] = _Carrier(schedule, MPITransport(self.transport.link, schedule))
+        carrier = self._carriers[plan.__name__]
+        carrier.transport.begin(1, sound=True)
+        return carrier
 
     def close(self) -> None:
         """Free the duplicate communicator; collective. Closing twice does nothing."""
         if self._comm != MPI.COMM_NULL:
-            self.transport.close()
+            for transport in (self.transport, *(carrier.transport for carrier in self._carriers.values())):
+                transport.close()
             self._comm.Free()
 
     def __enter__(self) -> "DistributedChain":

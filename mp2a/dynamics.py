@@ -1,17 +1,18 @@
 """What users call: inverse dynamics of a chain in one process."""
 
-from typing import Literal, overload
+from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
+from mp2a import schedule
 from mp2a.chain import Chain
 from mp2a.checks import count
 from mp2a.exceptions import InputError
 from mp2a.kernels import batch, long
 from mp2a.kernels.plan import FORMATS
-from mp2a.leaf import State, check_gravity, check_shapes, check_values
-from mp2a.methods import METHODS, InverseDynamics, serial
+from mp2a.leaf import State, check_gravity, check_shapes, check_state, check_values
+from mp2a.methods import METHODS, InverseDynamics, compact, serial
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.local import LocalTransport
 
@@ -146,11 +147,13 @@ def _checked(
     if bodies:
         parts = (made.velocity, made.acceleration, made.force)
         rows = np.concatenate([x.swapaxes(1, 2) for x in parts], axis=1).astype(form, copy=False)
-    return _report(torque, rows, state.single)
+    return _report(torque, rows, state.single, made.rotation, made.position)
 
 
-def _report(torque: Array, bodies: Array | None, single: bool) -> Array | InverseDynamics:
-    """Torque alone, or with the bodies' ``(n, 18, T)``."""
+def _report(
+    torque: Array, bodies: Array | None, single: bool, rotation: Array | None = None, position: Array | None = None
+) -> Array | InverseDynamics:
+    """Torque alone, or with the bodies' ``(n, 18, T)`` and what is known of their places."""
     if single:
         torque = torque[0]
     if bodies is None:
@@ -159,7 +162,43 @@ def _report(torque: Array, bodies: Array | None, single: bool) -> Array | Invers
     velocity, acceleration, force = (samples[..., k : k + 6] for k in (0, 6, 12))
     if single:
         velocity, acceleration, force = velocity[0], acceleration[0], force[0]
-    return InverseDynamics(velocity, acceleration, force, torque)
+    place = (_samples_first(part, single=single) for part in (rotation, position))
+    return InverseDynamics(velocity, acceleration, force, torque, *place)
+
+
+def placements(chain: Chain, q: ArrayLike) -> tuple[Array, Array]:
+    """Where the bodies of a chain are, by the rounds of motion alone.
+
+    Parameters
+    ----------
+    chain
+        n bodies.
+    q
+        Coordinates, ``(nq,)`` or ``(T, nq)``; rad and m.
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        Rotation from the body's to the base frame ``(n, 3, 3)`` and position of its origin ``(n, 3)`` m, with T in
+        front if ``q`` has it.
+
+    Raises
+    ------
+    InputError
+        As for `rnea`.
+    """
+    still = np.zeros((*np.shape(q)[:-1], chain.nv))
+    state = check_state(chain, q, still, still, None)
+    found = compact.placements(chain, state, schedule.motion(chain.parents), LocalTransport(len(chain)))
+    rotation, position = (_samples_first(part, single=state.single) for part in found)
+    return rotation, position
+
+
+def _samples_first(values: Any, *, single: bool) -> Any:
+    """Results ``(n, T, …)`` as ``(T, n, …)``, or as ``(n, …)`` for a single sample."""
+    if values is None:
+        return None
+    return values[:, 0] if single else np.moveaxis(values, 0, 1)
 
 
 def _format(dtype: DTypeLike) -> np.dtype:

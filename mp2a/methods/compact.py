@@ -1,5 +1,7 @@
 """The fewest bytes: one scan of motion outwards, then one of forces inwards, on a chain or a tree."""
 
+from mp2a.chain import Chain
+from mp2a.leaf import State, joint_motion
 from mp2a.methods.node import Nodes, Scan
 from mp2a.methods.sweep import LONGER, read_off
 from mp2a.schedule import FORCE, MOTION, Schedule
@@ -10,6 +12,7 @@ from mp2a.transport.steps import Operation, Register, Use
 
 DOUBLES = {MOTION: motion.DOUBLES, FORCE: 6}
 
+_PATHS = {"path": Register({"path": motion.DOUBLES}, copies=2)}
 _OUTWARDS = {MOTION: LONGER}
 _INWARDS = {
     FORCE: Use(
@@ -45,4 +48,16 @@ def compact(nodes: Nodes, gravity: Array, schedule: Schedule, transport: Transpo
         registers["behind"][:] = 0.0
     transport.run(schedule.recurrence("force"), _INWARDS_OF_BLOCKS if nodes.blocks else _INWARDS, registers)
     behind = registers["behind"].copy() if nodes.blocks else None
-    return Scan(velocity, classical, registers["force"].copy(), behind)
+    return Scan(velocity, classical, registers["force"].copy(), behind, registers["path"].copy())
+
+
+def placements(bodies: Chain, state: State, schedule: Schedule, transport: Transport) -> tuple[Array, Array]:
+    """Find by the rounds of motion alone where each body is: ``(n, T, 3, 3)`` and ``(n, T, 3)`` in the base frame.
+
+    The schedule is `mp2a.schedule.compact` or `mp2a.schedule.motion`.
+    """
+    registers = transport.registers(_PATHS, state.samples)
+    registers["path"][:] = motion.leaf(joint_motion(bodies, state))
+    transport.run(schedule.recurrence("motion"), _OUTWARDS, registers)
+    rotation, position, _, _ = motion.view(registers["path"].copy())
+    return rotation, position

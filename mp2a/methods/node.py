@@ -36,6 +36,8 @@ class Scan(NamedTuple):
     behind: Array | None
     """The part of it that goes to what is behind the node; None unless nodes are blocks. It comes from what was
     received, not from a difference, in which digits would be lost."""
+    path: Array | None = None
+    """From the base, ``(nodes, T, 24)``; None if the method does not find it out."""
 
 
 def single_bodies(bodies: Chain, state: State) -> Nodes:
@@ -83,5 +85,6 @@ class Method(NamedTuple):
         self, bodies: Chain, state: State, gravity: Array, schedule: Schedule, transport: Transport
     ) -> InverseDynamics:
         """Inverse dynamics of the bodies this process holds, each a node."""
-        velocity, acceleration, force, _ = self.scan(single_bodies(bodies, state), gravity, schedule, transport)
-        return InverseDynamics(velocity, acceleration, force, joint_torque(bodies, force))
+        scan = self.scan(single_bodies(bodies, state), gravity, schedule, transport)
+        place = () if scan.path is None else motion.view(scan.path)[:2]
+        return InverseDynamics(*scan[:3], joint_torque(bodies, scan.force), *place)

@@ -47,7 +47,7 @@ def sweep(nodes: Nodes, gravity: Array, schedule: Schedule, transport: Transport
     velocity, acceleration = read_off(registers["path"], gravity)
     force = kernels.force(registers["below"], velocity, acceleration)
     behind = kernels.force(registers["behind"], velocity, acceleration) if nodes.blocks else None
-    return Scan(velocity, spatial_to_classical(acceleration, velocity), force, behind)
+    return Scan(velocity, spatial_to_classical(acceleration, velocity), force, behind, registers["path"].copy())
 
 
 def read_off(path: Array, gravity: Array) -> tuple[Array, Array]:
