@@ -205,7 +205,7 @@ class DistributedChain:
         except InputError as found:
             error = found
         raise_together(self._comm, error)
-        carrier = self._one_way(schedules.motion)
+        carrier = self._one_way(schedules.motion, 1)
         path = paths_outwards(self.body, state, carrier.schedule, carrier.transport)[-1]
         carrier.transport.flush()
         place = view(path[0, 0])
@@ -230,20 +230,22 @@ class DistributedChain:
             If ``values`` is not one row of numbers, or the parent's row has another length; on this rank alone.
         """
         values = array("values", values, (None,))
-        carrier = self._one_way(schedules.neighbours)
+        if not len(values):
+            raise InputError("values: got none, expected at least one number")
+        carrier = self._one_way(schedules.neighbours, len(values))  # the tag by which another length is noticed
         arrivals = carrier.transport.exchange(carrier.schedule.rounds[0], {schedules.MOTION: values[None]})
         carrier.transport.flush()
         if not carrier.transport.sound:
             raise InputError(f"values: got {len(values)} and another number from the parent, expected as many")
         return arrivals[0].data[0].copy() if arrivals else None
 
-    def _one_way(self, plan: Callable[[NDArray[np.intp]], Schedule]) -> "_Carrier":
+    def _one_way(self, plan: Callable[[NDArray[np.intp]], Schedule], samples: int) -> "_Carrier":
         """Transport for a schedule that runs outwards only, made when it is first wanted."""
         if plan.__name__ not in self._carriers:
             schedule = plan(self._parents)
             self._carriers[plan.__name__] = _Carrier(schedule, MPITransport(self.transport.link, schedule))
         carrier = self._carriers[plan.__name__]
-        carrier.transport.begin(1, sound=True)
+        carrier.transport.begin(samples, sound=True)
         return carrier
 
     def close(self) -> None:
