@@ -223,7 +223,7 @@ class DistributedChain:
         except InputError as found:
             error = found
         raise_together(self._comm, error)
-        carrier = self._one_way(schedules.motion)
+        carrier = self._one_way(schedules.motion, 1)
         rotation, position = compact.placements(self.part, state, *carrier)
         carrier.transport.flush()
         return rotation[0, 0], position[0, 0]
@@ -249,7 +249,9 @@ class DistributedChain:
         """
         self._one_body_a_rank("hand_on")
         values = array("values", values, (None,))
-        carrier = self._one_way(schedules.neighbours)
+        if not len(values):
+            raise InputError("values: got none, expected at least one number")
+        carrier = self._one_way(schedules.neighbours, len(values))  # the tag by which another length is noticed
         arrivals = carrier.transport.exchange(carrier.schedule.rounds[0], {schedules.MOTION: values[None]})
         carrier.transport.flush()
         if not carrier.transport.sound:
@@ -260,13 +262,13 @@ class DistributedChain:
         if self._blocks:
             raise InputError(f"{what}: got a chain with more bodies than ranks, expected one body a rank")
 
-    def _one_way(self, plan: Callable[[Formation], Schedule]) -> _Carrier:
+    def _one_way(self, plan: Callable[[Formation], Schedule], samples: int) -> _Carrier:
         """Transport for a schedule that runs outwards only, made when it is first wanted."""
         if plan.__name__ not in self._carriers:
             schedule = plan(self._parents)
             self._carriers[plan.__name__] = _Carrier(schedule, MPITransport(self.transport.link, schedule))
         carrier = self._carriers[plan.__name__]
-        carrier.transport.begin(1, sound=True)
+        carrier.transport.begin(samples, sound=True)
         return carrier
 
     def close(self) -> None:
