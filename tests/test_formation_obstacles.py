@@ -68,12 +68,26 @@ def test_closer_obstacles_push_harder_and_one_in_the_middle_pushes_left():
 
 
 def test_of_many_points_the_nearest_on_each_side_count_each_for_its_robot():
-    points = np.array([1 + 0.5j, 1 + 0.9j, 2 + 0.5j, 1 - 0.4j, 3 - 0.2j, 1 + 0.5j, 9])
+    points = np.array([1 + 0.7j, 1 + 0.9j, 1.5 + 0.8j, 1 - 0.6j, 2 - 0.7j, 1 + 0.7j, 9])
     robot = np.array([0, 0, 0, 0, 0, 2, 1])
     forces = push(LAW, points, robot, np.zeros(3))
-    assert forces[0] == pytest.approx(one(1 + 0.5j) + one(1 - 0.4j))
+    assert forces[0] == pytest.approx(one(1 + 0.7j) + one(1 - 0.6j))
     assert forces[1] == 0
-    assert forces[2] == pytest.approx(one(1 + 0.5j))
+    assert forces[2] == pytest.approx(one(1 + 0.7j))
+
+
+@given(st.floats(1.3, 3), st.floats(-0.55, 0.55), st.floats(0.1, 0.6), st.integers(20, 60))
+def test_an_obstacle_across_the_path_pushes_to_the_side_that_has_less_of_it(x, y, radius, many):
+    disc = x + radius + 1j * y - radius * np.exp(1j * np.linspace(-1.5, 1.5, many))
+    force = push(LAW, disc, np.zeros(many, dtype=int), np.zeros(1))[0]
+    if abs(y) > 1e-3 or y == 0:
+        assert force.imag * (-1 if y > 0 else 1) > 0
+    # A cloud of it pushes no less than its nearest point, and no more than a point of the law may.
+    nearest = abs(one(disc[np.abs(disc).argmin()]))
+    assert 0.5 * nearest < abs(force.imag) <= LAW.force
+    # Where a robot fits between two halves, each of them pushes.
+    halves = np.array([x + 0.7j, x - 0.7j])
+    assert push(LAW, halves, np.zeros(2, dtype=int), np.zeros(1))[0] == pytest.approx(0, abs=1e-9)
 
 
 def test_points_are_packed_and_checked():

@@ -40,7 +40,7 @@ def _check(options: argparse.Namespace) -> int:
         return 0
     if options.file is None:
         raise InputError("FILE: got none, expected a scenario, or --demo")
-    text = _read(options.file)
+    text = read(options.file)
     margin = check.MARGIN if options.margin is None else options.margin
     with progress(options.quiet) as say:
         result = check.report(
@@ -64,7 +64,8 @@ def robots(text: str) -> "RobotModel | dict[str, RobotModel]":
     return {role: model(name) for role, _, name in (part.partition("=") for part in text.split(","))}
 
 
-def _read(path: Path) -> str:
+def read(path: Path) -> str:
+    """Read a scenario's text."""
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -21,7 +21,8 @@ read here as follows.
   of the reach, which is an ellipse: ``ahead`` along the path, ``beside`` across it, ``radius`` behind.
 - An obstacle closer to straight ahead than ``swerve`` is taken to lie at that angle, or the force would have no part to
   the side; one exactly ahead counts as on the right. The law acts once for the right and once for the left, on the
-  point that has the largest C_N there.
+  point that has the largest C_N there. All points of an obstacle that lies across the path count as on the side that
+  has more of it: pushed from both its halves, a robot would go neither way.
 
 Limits: the law sees the nearest point, not a shape; a cul-de-sac or a wall across the path holds nobody up, since the
 path goes on and the springs pull. The force is finite, and so is what it can hold off: force · k_R / stiffness is the
@@ -105,7 +106,7 @@ def push(law: ObstacleLaw, points: Complex, robot: NDArray[np.intp], aside: Arra
     """
     total = np.zeros(len(aside), dtype=complex)
     level = np.maximum(0.0, 1 - _reach(law, points)) ** 2
-    left = points.imag > _TIE
+    left = _sides(law, points, robot, level)
     side = 2 * robot + left
     most = np.zeros(2 * len(aside))
     np.maximum.at(most, side, level)
@@ -116,6 +117,25 @@ def push(law: ObstacleLaw, points: Complex, robot: NDArray[np.intp], aside: Arra
     ray = _ray(law, points[chosen], left[chosen])
     np.add.at(total, robot[chosen], eq14(law, level[chosen], ray, aside[robot[chosen]]))
     return total
+
+
+def _sides(law: ObstacleLaw, points: Complex, robot: NDArray[np.intp], level: Array) -> NDArray[np.bool_]:
+    """Which points count as on the left: those of an obstacle across the path all on the side that has more of it.
+
+    Points in the order in which a robot sees them are one obstacle until there is a gap that the robot fits through.
+    """
+    left: NDArray[np.bool_] = points.imag > _TIE
+    near = np.flatnonzero(level > 0)
+    if not len(near):
+        return left
+    order = near[np.lexsort((np.angle(points[near]), robot[near]))]
+    across = points[order].imag
+    first = np.abs(np.diff(points[order])) > 2 * law.radius
+    first = np.concatenate(([True], first | (np.diff(robot[order]) != 0)))
+    starts, which = np.flatnonzero(first), np.cumsum(first) - 1
+    low, high = np.minimum.reduceat(across, starts), np.maximum.reduceat(across, starts)
+    left[order] = np.where(low < -_TIE, low + high > 2 * _TIE, high > _TIE)[which]
+    return left
 
 
 def eq14(law: ObstacleLaw, level: Array, ray: Complex, aside: Array) -> Complex:
@@ -161,5 +181,5 @@ def _ray(law: ObstacleLaw, points: Complex, left: NDArray[np.bool_]) -> Complex:
     away = np.where(distance > 0, -points / np.where(distance > 0, distance, 1.0), 1j)
     least = np.sin(law.swerve)
     lifted = np.where(away.real > 0, 1.0, -1.0) * np.cos(law.swerve) + 1j * np.where(left, -1.0, 1.0) * least
-    out: Complex = np.where(np.abs(away.imag) < least, lifted, away)
+    out: Complex = np.where(np.where(left, -away.imag, away.imag) < least, lifted, away)
     return out

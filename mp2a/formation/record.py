@@ -1,7 +1,6 @@
 """A whole march, and what is kept of it."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 
 from mp2a.exceptions import InputError
 from mp2a.formation.march import March
-from mp2a.formation.sensing import Discs
+from mp2a.formation.setpoints import Setpoints
 from mp2a.spatial import Array
 
 _FORMAT = 1
@@ -37,35 +36,14 @@ class Record(NamedTuple):
     """``(T, m)``"""
 
 
-def run(march: March, ticks: int, world: Discs, say: Callable[[str], None] = lambda what: None) -> Record:
-    """March for some ticks through a world; collective where the robots are on ranks.
-
-    Parameters
-    ----------
-    march
-        Where the robots of this process are; each senses the world from its last setpoint.
-    ticks
-        How many.
-    world
-        What there is to sense.
-    say
-        Is told now and then how far the march has come.
-    """
-    rows: list[tuple[Any, ...]] = []
-    for tick in range(ticks):
-        time = march.time
-        setpoints = march.step(world.sense(march.state.pose))
-        report = march.report
-        assert report is not None
-        rows.append(
-            (
-                time, setpoints.pose, setpoints.twist, report.scan.motion.velocity, report.push, report.scan.force,
-                march.state.displacement.value, setpoints.failed,
-            )
-        )  # fmt: skip
-        if tick % 50 == 0:
-            say(f"march: {time:.0f} of {ticks * march.tick:.0f} s")
-    return Record(*(np.array(column) for column in zip(*rows, strict=True)))
+def row(time: float, march: March, setpoints: Setpoints) -> tuple[Any, ...]:
+    """Take what is kept of a step that has just been made: a row of a `Record`."""
+    report = march.report
+    assert report is not None
+    return (
+        time, setpoints.pose, setpoints.twist, report.scan.motion.velocity, report.push, report.scan.force,
+        march.state.displacement.value, setpoints.failed,
+    )  # fmt: skip
 
 
 def together(parts: list[Record]) -> Record:

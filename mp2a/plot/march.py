@@ -16,7 +16,8 @@ from matplotlib.patches import Patch
 
 from mp2a.exceptions import InputError
 from mp2a.plot.style import FAINT, INK, canvas, legends, save, styled, target
-from mp2a.simulator.recording import Event, Recording
+from mp2a.simulator.observation import Event
+from mp2a.simulator.recording import Recording
 from mp2a.simulator.world import World, rectangles
 from mp2a.spatial import Array
 

@@ -1,6 +1,7 @@
 """Commanded speeds and distances between neighbours over time: the thesis' figures 7.5 and 7.7."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +13,7 @@ from mp2a.plot.style import FAINT, INK, canvas, legends, save, styled, target
 from mp2a.simulator.recording import Recording
 from mp2a.spatial import Array
 
+_WANTED: dict[str, Any] = {"linestyle": (0, (5, 2)), "linewidth": 0.7}
 _DRIVEN_TOO = 3  # so many robots' real speeds fit in beside the commanded ones
 
 
@@ -51,12 +53,14 @@ def speeds_figure(recording: Recording) -> Figure:
     Returns
     -------
     Figure
-        Panels for speed, turn rate and, with more than one robot, distances; lines carry gids such as ``speed 1``,
+        Panels for speed, turn rate, with more than one robot distances, and the distance to the virtual leader or the
+        setpoint where there is one; lines carry gids such as ``speed 1``,
         ``turn rate 1`` and ``distance 1 2``, robots counted from 1.
     """
     check(recording)
     n = len(recording.models)
-    rows = 2 if n == 1 else 3
+    led = bool(np.isfinite(recording.leaders).any())
+    rows = 2 + (n > 1) + led
     figure = canvas(6.6, 1.75 * rows)
     panels: list[Axes] = list(figure.subplots(rows, 1, sharex=True))
     colors = robot_colors(n)
@@ -75,6 +79,8 @@ def speeds_figure(recording: Recording) -> Figure:
             [drawn] = panels[2].plot(recording.times, distance, color=colors[i + 1], linewidth=thick)
             drawn.set_gid(f"distance {i + 1} {i + 2}")
         panels[2].set_ylabel("distance to the\nrobot before (m)")
+    if led:
+        _leaders(panels[-1], recording, colors, thick)
     for event in recording.events:
         for axes in panels:
             axes.axvline(event.time, color="#d4002a", linewidth=0.8, linestyle=(0, (4, 2)))
@@ -84,8 +90,19 @@ def speeds_figure(recording: Recording) -> Figure:
     panels[0].set_title(title(recording), loc="left")
     panels[-1].set_xlabel("time (s)")
     figure.align_ylabels()
-    legends(figure, [("robot", robot_handles(n)), ("line", _lines(n, bool(recording.events)))])
+    legends(figure, [("robot", robot_handles(n)), ("line", _lines(n, led, bool(recording.events)))])
     return figure
+
+
+def _leaders(axes: Axes, recording: Recording, colors: list[str], thick: float) -> None:
+    """Draw how far each robot was from its leader or setpoint, and how far it was to be."""
+    for i, color in enumerate(colors):
+        [drawn] = axes.plot(recording.times, recording.gaps[:, i], color=color, linewidth=thick)
+        drawn.set_gid(f"leader distance {i + 1}")
+        [wanted] = axes.step(recording.times, recording.leaders[:, i, 2], color=color, where="post", **_WANTED)
+        wanted.set_gid(f"wanted distance {i + 1}")
+    what = "virtual leader" if np.nanmax(recording.leaders[..., 2]) > 0 else "setpoint"
+    axes.set_ylabel(f"distance to the\n{what} (m)")
 
 
 def distances(recording: Recording) -> Array:
@@ -94,10 +111,12 @@ def distances(recording: Recording) -> Array:
     return out
 
 
-def _lines(n: int, events: bool) -> list[Line2D]:
+def _lines(n: int, led: bool, events: bool) -> list[Line2D]:
     out = [Line2D([], [], color=INK, label="commanded")]
     if n <= _DRIVEN_TOO:
         out.append(Line2D([], [], color=INK, linestyle=(0, (1, 1)), label="driven"))
+    if led:
+        out.append(Line2D([], [], color=INK, label="wanted distance", **_WANTED))
     if events:
         out.append(Line2D([], [], color="#d4002a", linestyle=(0, (4, 2)), label="collision or other event"))
     return out

@@ -43,6 +43,10 @@ PHYSICS_ENGINE_SLIP = TurnSlip(0.834, 0.322)
 """Measured with Clearpath's HUSKY in a physics engine: 0.5 rad/s give 0.417 standing and 0.161 at 0.5 m/s."""
 
 
+SLIPS = {"none": NO_SLIP, "mild": TurnSlip(), "hard": PHYSICS_ENGINE_SLIP}
+"""Slip by name."""
+
+
 class Response(NamedTuple):
     """Motion during a short time; arrays ``(n, 2)`` of m/s and rad/s."""
 

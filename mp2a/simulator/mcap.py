@@ -16,7 +16,7 @@ GROUND = "ground"
 """Name of the ground frame; robot i has the frame ``robot_i``, counted from 1."""
 
 _HEIGHT = 0.4  # m, of robots and obstacles: pictures want one, the simulation has none
-_MOTION = ("speed", "turn_rate", "commanded_speed", "commanded_turn_rate")
+_MOTION = ("speed", "turn_rate", "commanded_speed", "commanded_turn_rate", "leader_distance", "wanted_distance")
 _SCHEMA = {"type": "object", "title": "Motion", "properties": {name: {"type": "number"} for name in _MOTION}}
 
 
@@ -42,7 +42,7 @@ def write(recording: "Recording", path: Path) -> None:
         raise MissingError("MCAP files need foxglove-sdk: pip install 'mp2a[record]'") from error
 
     context = foxglove.Context()
-    n = len(recording.models)
+    n, gaps = len(recording.models), recording.gaps
     frames = [f"robot_{i + 1}" for i in range(n)]
     world = channels.SceneUpdateChannel("/world", context=context)
     robots = channels.SceneUpdateChannel("/robots", context=context)
@@ -61,7 +61,8 @@ def write(recording: "Recording", path: Path) -> None:
             now = _ns(time)
             transforms.log(_transforms(messages, recording.poses[k], frames, now), log_time=now)
             for i in range(n):
-                figures = np.concatenate((recording.twists[k, i], recording.commands[k, i])).tolist()
+                led = (gaps[k, i], recording.leaders[k, i, 2])
+                figures = np.concatenate((recording.twists[k, i], recording.commands[k, i], led)).tolist()
                 told = {name: x for name, x in zip(_MOTION, figures, strict=True) if x == x}  # noqa: PLR0124 (nan)
                 motions[i].log(json.dumps(told).encode(), log_time=now)
                 if recording.counts[k, i]:

@@ -4,30 +4,20 @@ from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mp2a.exceptions import InputError
 from mp2a.formation.robot_models import RobotModel
-from mp2a.simulator.simulation import Collision, Observation, Simulation
+from mp2a.simulator.observation import Event, Observation
+from mp2a.simulator.simulation import Collision, Simulation
 from mp2a.simulator.world import World
 from mp2a.spatial import Array
 
-_FORMAT = 1
-
-
-class Event(NamedTuple):
-    """Something worth telling."""
-
-    time: float
-    """s"""
-    robot: int
-    """From 0."""
-    place: tuple[float, float]
-    """m in the ground frame."""
-    text: str
+_FORMAT = 2
+_ARRAYS = 8  # fields of a recording that are arrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +36,9 @@ class Recording:
         ``(T, n)`` numbers of points of those scans; 0 where a robot still had the one of the row above.
     points
         ``(P, 2)`` m, single precision: all points, by time and robot, in the robot's own frame when the scan was taken.
+    leaders
+        ``(T, n, 3)`` m: place of what each robot followed, its own virtual leader or its setpoint, in the ground frame,
+        and how far it was to be from it; nan: nothing.
     events
         In the order of time.
     models
@@ -61,9 +54,16 @@ class Recording:
     stamps: Array
     counts: NDArray[np.int64]
     points: NDArray[np.float32]
+    leaders: Array
     events: tuple[Event, ...]
     models: tuple[RobotModel, ...]
     world: World
+
+    @property
+    def gaps(self) -> Array:
+        """``(T, n)`` m from each robot to what it followed; nan: nothing."""
+        out: Array = np.hypot(*np.moveaxis(self.leaders[..., :2] - self.poses[..., :2], -1, 0))
+        return out
 
     @cached_property
     def _starts(self) -> NDArray[np.int64]:
@@ -123,7 +123,7 @@ class Recording:
             raise InputError(f"{path}: cannot be read as a recording ({error})") from error
 
     def _arrays(self) -> dict[str, Any]:
-        plain = {f.name: getattr(self, f.name) for f in fields(self)[:7]}
+        plain = {f.name: getattr(self, f.name) for f in fields(self)[:_ARRAYS]}
         outlines = [*self.world.walls, *self.world.obstacles]
         names, *figures = zip(*map(astuple, self.models), strict=True)
         return {
@@ -144,10 +144,10 @@ class Recording:
     def _from_arrays(cls, file: Any) -> "Recording":
         if int(file["format"]) != _FORMAT:
             raise ValueError(f"format {int(file['format'])}, expected {_FORMAT}")
-        plain = {f.name: file[f.name] for f in fields(cls)[:7]}
+        plain = {f.name: file[f.name] for f in fields(cls)[:_ARRAYS]}
         ticks, n = plain["stamps"].shape
-        shapes = [plain[name].shape for name in ("times", "poses", "twists", "commands", "counts")]
-        if shapes != [(ticks,), (ticks, n, 3), (ticks, n, 2), (ticks, n, 2), (ticks, n)]:
+        shapes = [plain[name].shape for name in ("times", "poses", "twists", "commands", "counts", "leaders")]
+        if shapes != [(ticks,), (ticks, n, 3), (ticks, n, 2), (ticks, n, 2), (ticks, n), (ticks, n, 3)]:
             raise ValueError(f"arrays of {ticks} times and {n} robots have shapes {shapes}")
         if plain["points"].shape != (plain["counts"].sum(), 2):
             raise ValueError(f"{plain['counts'].sum()} points have shape {plain['points'].shape}")
@@ -190,8 +190,16 @@ class Recorder:
         given = np.full((len(self._simulation), 2), np.nan) if commands is None else np.array(commands, dtype=float)
         self._rows.append((sensed, given))
 
-    def recording(self) -> Recording:
-        """Make a recording of all ticks so far; at least one."""
+    def recording(self, leaders: ArrayLike | None = None, events: Sequence[Event] = ()) -> Recording:
+        """Make a recording of all ticks so far; at least one.
+
+        Parameters
+        ----------
+        leaders
+            ``(T, n, 3)`` of the first T ticks, see `Recording`.
+        events
+            That are not in `events`.
+        """
         if not self._rows:
             raise InputError("recording: got no tick, expected at least one")
         sensed, commands = zip(*self._rows, strict=True)
@@ -202,6 +210,9 @@ class Recorder:
         for k, i in np.argwhere(fresh):
             kept.append(sensed[k].points[i].astype(np.float32))
             counts[k, i] = len(kept[-1])
+        followed = np.full((*stamps.shape, 3), np.nan)
+        if leaders is not None and len(given := np.asarray(leaders)):
+            followed[: len(given)] = given[: len(followed)]
         return Recording(
             times=np.array([row.time for row in sensed]),
             poses=np.array([row.poses for row in sensed]),
@@ -210,7 +221,8 @@ class Recorder:
             stamps=stamps,
             counts=counts,
             points=np.concatenate(kept),
-            events=tuple(sorted([*self.events, *_told(self._simulation.collisions)])),
+            leaders=followed,
+            events=tuple(sorted([*self.events, *events, *_told(self._simulation.collisions)])),
             models=self._simulation.models,
             world=self._simulation.world,
         )

@@ -13,6 +13,7 @@ from mp2a.formation.robot_models import RobotModel
 from mp2a.simulator.contacts import Contacts
 from mp2a.simulator.drive import TurnSlip, arc, respond
 from mp2a.simulator.lidar import Lidar, points, ranges
+from mp2a.simulator.observation import Observation
 from mp2a.simulator.world import World
 from mp2a.spatial import Array
 
@@ -41,30 +42,6 @@ class Collision(NamedTuple):
         what = "a wall or an obstacle" if self.other is None else f"robot {self.other + 1}"
         x, y = self.place
         return f"robot {self.robot + 1} met {what} at ({x:.2f}, {y:.2f}) m after {self.time:.2f} s"
-
-
-class Observation(NamedTuple):
-    """What the robots know at one time."""
-
-    time: float
-    """s"""
-    poses: Array
-    """``(n, 3)`` m, m, rad in the ground frame, without error; headings are not wrapped."""
-    twists: Array
-    """``(n, 2)`` m/s and rad/s."""
-    points: list[Array]
-    """n arrays ``(k, 2)`` m: the latest scan that has arrived, in the robot's own frame at the time of the scan."""
-    stamps: Array
-    """``(n,)`` s: when that scan was taken."""
-    arrivals: Array
-    """``(n,)`` s: when it arrived."""
-    new: NDArray[np.bool_]
-    """``(n,)`` whether it arrived during the last step, or is the first."""
-
-    @property
-    def news(self) -> list[Array | None]:
-        """Only the scans that have just arrived; None for a robot that has got nothing new."""
-        return [points if new else None for points, new in zip(self.points, self.new, strict=True)]
 
 
 class _Scan(NamedTuple):

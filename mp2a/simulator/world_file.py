@@ -31,7 +31,7 @@ class _Refused(Exception):
     """A value is not what its field has to be; says what it has to be."""
 
 
-def read(path: str | Path) -> World:
+def read_world(path: str | Path) -> World:
     """Read a world file.
 
     Parameters
@@ -54,10 +54,10 @@ def read(path: str | Path) -> World:
         text = Path(path).read_bytes().decode("utf-8")
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read as a world file ({error})") from error
-    return parse(text, str(path))
+    return parse_world(text, str(path))
 
 
-def parse(text: str, where: str = "world") -> World:
+def parse_world(text: str, where: str = "world") -> World:
     """Read a world from the text of a world file; ``where`` is what errors call it."""
     try:
         tables = tomllib.loads(text)

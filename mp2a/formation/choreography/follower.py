@@ -144,9 +144,11 @@ def commands(target: Array, excess: Array, stands: NDArray[np.bool_], force: Arr
 def avoidance(force: Array) -> Array:
     """Turn rate away from obstacles: the second term of eq. 4.4b, ``(n, 2)`` to ``(n,)`` rad/s.
 
-    The end of the robot that is nearer to them swings away: α₂ is the angle of the force, with its sign.
+    The end of the robot that is nearer to them swings away: α₂ is the angle of the force, with its sign. Where the
+    print has sgn(Fx) this has cos α₂, so that -2 sgn(Fx) α₂ |F| becomes -2 Fx α₂: the same ahead and behind, and
+    without a jump where an obstacle is abeam, across which a robot beside another would swing for ever.
     """
-    out: Array = -FORCE_GAIN * np.sign(force[:, 0]) * np.arctan2(force[:, 1], force[:, 0]) * np.hypot(*force.T)
+    out: Array = -FORCE_GAIN * force[:, 0] * np.arctan2(force[:, 1], force[:, 0])
     return out
 
 

@@ -158,10 +158,14 @@ class Choreography:
         return self.program.kind[np.arange(len(self.program)), self.state.leaders.step] == END
 
     @property
+    def settled(self) -> NDArray[np.bool_]:
+        """Which robots are in place, blocked or in their error state, ``(n,)``."""
+        return (self.state.excess < _IN_PLACE) | self.blocked | self.state.error
+
+    @property
     def done(self) -> bool:
-        """Whether all leaders are through, and every robot is in place, blocked or in its error state."""
-        settled = (self.state.excess < _IN_PLACE) | self.blocked | self.state.error
-        return self.state.tick >= 0 and bool((self.ended & settled).all())
+        """Whether all leaders are through, and every robot has settled."""
+        return self.state.tick >= 0 and bool((self.ended & self.settled).all())
 
     @property
     def blocked(self) -> NDArray[np.bool_]:
@@ -291,8 +295,8 @@ class Choreography:
         return out
 
 
-def fleet(scenario: Scenario, robots: RobotModel | Mapping[str, RobotModel]) -> Fleet:
-    """Sizes and limits of a scenario's robots.
+def models(scenario: Scenario, robots: RobotModel | Mapping[str, RobotModel]) -> tuple[RobotModel, ...]:
+    """Models of a scenario's robots, in their order.
 
     Raises
     ------
@@ -300,12 +304,16 @@ def fleet(scenario: Scenario, robots: RobotModel | Mapping[str, RobotModel]) -> 
         If a role has no model, or a model is for a role that is not in the scenario.
     """
     if isinstance(robots, RobotModel):
-        models = [robots] * len(scenario.robots)
-    else:
-        missing = [role for role in scenario.robots if role not in robots]
-        unknown = [role for role in robots if role not in scenario.robots]
-        if missing or unknown:
-            given = f"none for {missing[0]}" if missing else f"one for unknown robot {unknown[0]}"
-            raise InputError(f"robots: got {given}, expected a model for every robot of the scenario")
-        models = [robots[role] for role in scenario.robots]
-    return Fleet(*(np.array([getattr(model, name) for model in models]) for name in Fleet._fields))
+        return (robots,) * len(scenario.robots)
+    missing = [role for role in scenario.robots if role not in robots]
+    unknown = [role for role in robots if role not in scenario.robots]
+    if missing or unknown:
+        given = f"none for {missing[0]}" if missing else f"one for unknown robot {unknown[0]}"
+        raise InputError(f"robots: got {given}, expected a model for every robot of the scenario")
+    return tuple(robots[role] for role in scenario.robots)
+
+
+def fleet(scenario: Scenario, robots: RobotModel | Mapping[str, RobotModel]) -> Fleet:
+    """Sizes and limits of a scenario's robots; raises as `models` does."""
+    chosen = models(scenario, robots)
+    return Fleet(*(np.array([getattr(model, name) for model in chosen]) for name in Fleet._fields))

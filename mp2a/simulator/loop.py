@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mp2a.checks import positive
+from mp2a.simulator.observation import Observation
 from mp2a.simulator.recording import Recorder
-from mp2a.simulator.simulation import Observation, Simulation
+from mp2a.simulator.simulation import Simulation
 
 Controller = Callable[[Observation], ArrayLike | None]
 """What the robots know to commands ``(n, 2)``, m/s and rad/s; None ends the run."""

@@ -1,0 +1,84 @@
+"""Robots of a simulation that dance a choreography: what they sense goes in, commands come out."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mp2a.formation.choreography.constants import CATCH_UP
+from mp2a.formation.choreography.follower import lanes
+from mp2a.formation.choreography.runner import Choreography
+from mp2a.formation.odometry import Odometry, into_frame, onto_ground
+from mp2a.simulator.observation import Event, Observation
+from mp2a.spatial import Array
+
+
+class Dance:
+    """Some robots of a choreography, all of them or those of one rank.
+
+    Every robot has a copy of the choreography and the clock; of the others it knows no more than its LIDAR sees.
+
+    Parameters
+    ----------
+    choreography
+        That has not begun yet.
+    robots
+        Numbers of those here; None: all.
+
+    Attributes
+    ----------
+    events : list of Event
+        Stop signals, error states and catching up so far.
+    leaders : list of ndarray
+        ``(m, 3)`` of every step: where each robot's own leader was, and the distance it was to be behind, m.
+    """
+
+    def __init__(self, choreography: Choreography, robots: Sequence[int] | None = None) -> None:
+        n = len(choreography.robots)
+        self.choreography = choreography
+        self.robots = np.arange(n) if robots is None else np.asarray(robots)
+        self.events: list[Event] = []
+        self.leaders: list[Array] = []
+        self._odometry = Odometry(len(self.robots))
+        self._was = np.zeros((3, n), dtype=bool)
+
+    @property
+    def done(self) -> bool:
+        """Whether the robots here have come to their end."""
+        dance = self.choreography
+        return dance.state.tick >= 0 and bool((dance.ended & dance.settled)[self.robots].all())
+
+    def step(self, sensed: Observation) -> Array:
+        """Commands ``(m, 2)`` of the robots here for what they know; m/s and rad/s."""
+        dance, mine = self.choreography, self.robots
+        n = len(dance.robots)
+        self._odometry.add(sensed.time, sensed.poses)
+        then = self._odometry.at(sensed.stamps)
+        points: list[Array | None] = [np.empty((0, 2))] * n
+        for k, i in enumerate(mine):
+            seen = onto_ground(sensed.points[k], then[k])
+            points[i] = into_frame(seen, sensed.poses[k]) if sensed.new[k] else None
+        poses, twists = np.full((n, 3), np.nan), np.zeros((n, 2))
+        poses[mine], twists[mine] = sensed.poses, sensed.twists
+        commands = dance.step(sensed.time, poses, twists, points)
+        leaders = dance.state.leaders
+        self.leaders.append(np.column_stack((lanes(leaders), -leaders.place[:, 0]))[mine])
+        self._report(sensed)
+        return commands[mine]
+
+    def _report(self, sensed: Observation) -> None:
+        state = self.choreography.state
+        far = state.excess > (CATCH_UP - 1) * -state.leaders.place[:, 0]
+        now = np.stack((state.error, self.choreography.blocked & ~state.error, far & ~state.error))
+        for what, i in np.argwhere(now != self._was):
+            if i in self.robots and (text := _TEXTS[what][int(now[what, i])]):
+                x, y, _ = sensed.poses[np.flatnonzero(self.robots == i)[0]]
+                self.events.append(Event(sensed.time, int(i), (float(x), float(y)), f"robot {i + 1} {text}"))
+        self._was = now
+
+
+_TEXTS = (
+    ("", "is in its error state and stays there"),
+    ("goes on", "stops: something is in its way"),
+    ("has caught up", "is too far behind: it takes the shortest way"),
+)
+"""What is told when an error state, a stop and catching up end, and when they begin."""

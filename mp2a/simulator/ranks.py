@@ -1,0 +1,100 @@
+"""One simulated world for robots on ranks: rank 0 has it, and every rank is a robot that knows what it senses itself.
+
+What goes between rank 0 and the others here stands for the air and the wheels: a scan and a pose in, a command out.
+Robots tell each other nothing by it.
+"""
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import ArrayLike
+
+from mp2a.simulator.observation import Observation
+from mp2a.spatial import Array
+from mp2a.transport.wait import wait
+
+_ROW = 11
+"""Numbers of what a robot knows: whether the run is over, time, pose, twist, stamp, arrival, new, number of points."""
+_REPLY = 3
+"""Command, and whether the robot is done."""
+
+World = Callable[[Callable[[Observation], ArrayLike | None]], None]
+"""Run a simulation with a controller."""
+
+
+class Robots(Protocol):
+    """What drives the robots of a process."""
+
+    @property
+    def done(self) -> bool:
+        """Whether they have come to their end."""
+        ...
+
+    def step(self, sensed: Observation) -> Array:
+        """Commands for what they know."""
+        ...
+
+
+def perform(comm: MPI.Intracomm, robot: Robots, world: World | None) -> None:
+    """Let every rank drive one robot of a simulated world; collective.
+
+    Parameters
+    ----------
+    comm
+        Rank i drives robot i.
+    robot
+        This rank's.
+    world
+        Runs the simulation with the controller it is given; on rank 0 only, None on others. The controller ends the run
+        when all robots are done.
+    """
+    if world is None:
+        while (sensed := _receive(comm)) is not None:
+            wait(comm.Igather(_reply(robot, sensed), None, 0))
+        return
+
+    def everyone(sensed: Observation) -> Array | None:
+        mine = _send(comm, sensed)
+        replies = np.empty((comm.size, _REPLY))
+        wait(comm.Igather(_reply(robot, mine), replies, 0))
+        return None if replies[:, 2].all() else replies[:, :2]
+
+    try:
+        world(everyone)
+    finally:
+        over = np.zeros((comm.size, _ROW))
+        over[:, 0] = 1
+        wait(comm.Iscatter(over, np.empty(_ROW), 0))
+
+
+def _reply(robot: Robots, sensed: Observation) -> Array:
+    return np.append(robot.step(sensed)[0], float(robot.done))
+
+
+def _send(comm: MPI.Intracomm, sensed: Observation) -> Observation:
+    counts = np.array([len(points) for points in sensed.points])
+    times = np.tile([0.0, sensed.time], (comm.size, 1))
+    scans = np.column_stack((sensed.stamps, sensed.arrivals, sensed.new, counts))
+    rows = np.column_stack((times, sensed.poses, sensed.twists, scans))
+    wait(comm.Iscatter(rows, np.empty(_ROW), 0))
+    points = np.ascontiguousarray(np.concatenate(sensed.points), dtype=float)
+    own = np.empty((counts[0], 2))
+    wait(comm.Iscatterv([points, 2 * counts, None, MPI.DOUBLE], own, 0))
+    return _observation(rows[0], own)
+
+
+def _receive(comm: MPI.Intracomm) -> Observation | None:
+    row = np.empty(_ROW)
+    wait(comm.Iscatter(None, row, 0))
+    if row[0]:
+        return None
+    own = np.empty((int(row[10]), 2))
+    wait(comm.Iscatterv(None, own, 0))
+    return _observation(row, own)
+
+
+def _observation(row: Array, points: Array) -> Observation:
+    one = row[None]
+    return Observation(float(row[1]), one[:, 2:5], one[:, 5:7], [points], one[:, 7], one[:, 8], one[:, 9] > 0)
