@@ -1,15 +1,20 @@
-"""``mp2a march``: the same file from one process and from ranks; what is wrong is said."""
+"""``mp2a march``: the same recording from one process and from ranks; what is wrong is said."""
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mp2a import InputError, launch
 from mp2a.formation.record import load, save
+from mp2a.simulator import Recording
 
-OPTIONS = ["--path", "0,0 6,0 6,4", "--radius", "2", "--obstacle", "4,0.2,0.3", "--seconds", "8"]
+EXAMPLES = Path(__file__).parents[1] / "examples"
+LISTING, ROOM = EXAMPLES / "scenarios" / "listing_7_1.txt", EXAMPLES / "worlds" / "thesis.toml"
+BY_DYNAMICS = ["--path", "0,0 6,0 6,4", "--radius", "2", "--obstacle", "4,0.2,0.3", "--seconds", "8"]
+DANCED = [LISTING, "--world", ROOM, "--seconds", "6"]
 
 
 def mp2a(*arguments, expect=0):
@@ -20,30 +25,64 @@ def mp2a(*arguments, expect=0):
     return done
 
 
-def test_one_process_and_ranks_write_the_same_march(tmp_path):
-    printed = mp2a(*OPTIONS, "--robots", 3, "--out", tmp_path / "deep" / "one.json").stdout
-    assert "3 robots, line" in printed
-    one, about = load(tmp_path / "deep" / "one.json")
-    assert about["obstacles"] == [[4, 0.2, 0.3]]
-    assert about["ran in"] == "one process"
-    assert one.pose.shape == (80, 3, 3)
-    assert np.abs(one.push).max() > 10
-    out = tmp_path / "ranks.npz"
-    program = [sys.executable, "-m", "mp2a", "march", *OPTIONS, "--out", str(out), "--quiet"]
-    done = launch.run(3, program, timeout=120, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+def on_ranks(ranks, *arguments):
+    program = [sys.executable, "-m", "mp2a", "march", *map(str, arguments)]
+    return launch.run(ranks, program, timeout=120, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+@pytest.mark.parametrize(
+    ("ranks", "arguments"),
+    [
+        (2, DANCED),
+        (2, BY_DYNAMICS),
+        (3, BY_DYNAMICS),
+        (5, [*BY_DYNAMICS, "--shape", "triangle", "--method", "compact"]),
+    ],
+)
+def test_one_process_and_ranks_record_the_same(tmp_path, ranks, arguments):
+    dynamics = arguments is not DANCED
+    mp2a(*arguments, *(["--n", ranks] if dynamics else []), "--write", "npz", "--out", tmp_path / "one", "--quiet")
+    done = on_ranks(ranks, *arguments, "--write", "npz", "--out", tmp_path / "ranks", "--quiet")
     assert done.returncode == 0, done.stdout
-    ranks, about = load(out)
-    assert about["ran in"] == "3 ranks"
-    for name, ours, theirs in zip(one._fields, one, ranks, strict=True):
-        assert np.allclose(ours, theirs, rtol=1e-9, atol=1e-9), name
+    one, many = (Recording.load(tmp_path / f"{name}.npz") for name in ("one", "ranks"))
+    assert one.poses.shape[1] == ranks
+    assert np.abs(one.twists[..., 0]).max() > 0.5
+    for name in ("times", "poses", "twists", "commands", "stamps", "counts", "points", "leaders"):
+        np.testing.assert_allclose(getattr(one, name), getattr(many, name), rtol=1e-6, atol=1e-9, err_msg=name)
+    assert [event.text for event in one.events] == [event.text for event in many.events]
+    if dynamics:
+        (ours, about), (theirs, _) = (load(tmp_path / f"{name}-scan.npz") for name in ("one", "ranks"))
+        assert about["n"] == ranks
+        assert np.abs(ours.push).max() > 10
+        for name, x, y in zip(ours._fields, ours, theirs, strict=True):
+            np.testing.assert_allclose(x, y, rtol=1e-9, atol=1e-9, err_msg=name)
+
+
+def test_everything_is_written_and_told(tmp_path):
+    printed = mp2a(*DANCED, "--out", tmp_path / "deep" / "dance").stdout
+    assert "2 robots, 6.0 s, simulated" in printed
+    for ending in (".npz", ".mcap", ".png", "-speeds.png", ".gif"):
+        file = tmp_path / "deep" / f"dance{ending}"
+        assert file.stat().st_size > 1000
+        assert str(file) in printed
+    recording = Recording.load(tmp_path / "deep" / "dance.npz")
+    assert recording.world.name.startswith("room of the thesis")
+    # The second robot's leader began half a metre ahead in its lane and is to stay so far ahead.
+    np.testing.assert_allclose(recording.leaders[0, 1], [0.0, -0.6, 0.5], atol=1e-12)
 
 
 def test_a_march_settles_when_no_time_is_given(tmp_path):
-    out = tmp_path / "march.npz"
-    mp2a("--robots", 4, "--shape", "triangle", "--path", "0,0 3,0", "--out", out, "--quiet")
-    record, _ = load(out)
-    assert np.allclose(record.twist[-1], 0, atol=1e-6)
-    assert np.allclose(record.pose[-1, 0], [3, 0, 0])
+    mp2a("--n", 4, "--shape", "triangle", "--path", "0,0 3,0", "--out", tmp_path / "x", "--write", "npz", "--quiet")
+    recording = Recording.load(tmp_path / "x.npz")
+    assert np.abs(recording.twists[-1]).max() < 1e-3
+    assert np.allclose(recording.poses[-1, 0], [3, 0, 0], atol=0.01)
+
+
+def test_a_choreography_begins_where_it_is_told_to(tmp_path):
+    mp2a(LISTING, "--start", "1,2,90", "--seconds", 1, "--out", tmp_path / "x", "--write", "npz", "--quiet")
+    recording = Recording.load(tmp_path / "x.npz")
+    np.testing.assert_allclose(recording.poses[0], [[0.4, 1.5, np.pi / 2], [1.6, 1.5, np.pi / 2]], atol=1e-12)
+    assert (recording.poses[-1, :, 1] > 1.7).all()
 
 
 def test_help_has_examples():
@@ -56,25 +95,45 @@ def test_help_has_examples():
     ("arguments", "message"),
     [
         (["--shape", "heart"], "shape: got 'heart', expected one of line"),
-        (["--shape", "box", "--robots", "4"], "got 4 for the shape 'box'"),
+        (["--shape", "box", "--n", "4"], "got 4 for the shape 'box'"),
         (["--path", "0,0"], "points: got 1"),
         (["--path", "0,0 a,1"], "got 'a,1', expected 2 numbers"),
         (["--obstacle", "1,2"], "got '1,2', expected 3 numbers"),
-        (["--obstacle", "1,2,-3"], "radius of -3"),
+        (["--obstacle", "1,2,-3"], "got -3"),
+        (["--obstacle", "0,0,1"], "robot 1 touches a wall or an obstacle at the start"),
+        (["--spacing", "0.5"], "robot 1 touches robot 2 at the start"),
         (["--method", "magic"], "method: got 'magic'"),
         (["--speed", "0"], "got '0', expected a positive number"),
         (["--shape", "row", "--method", "kogge-stone"], "got a tree"),
+        (["--robots", "R1=husky"], "expected one model for all"),
+        (["--robots", "bicycle"], "--robots: got model 'bicycle'"),
+        (["--write", "npz,film"], "--write: got 'film', expected one of npz"),
+        (["--max-speed", "1"], "--max-speed: got 1.0 without a FILE"),
+        ([LISTING, "--shape", "row"], "--shape: got row with a FILE"),
+        ([LISTING, "--robots", "R1=husky"], "got none for R2"),
+        ([LISTING, "--world", LISTING], "cannot be read as TOML"),
+        ([LISTING, "--start", "0,0"], "got '0,0', expected 3 numbers"),
+        ([ROOM], "line 6"),
+        (["no such file"], "cannot be read as text"),
     ],
 )
 def test_what_is_wrong_is_said(tmp_path, arguments, message):
-    assert message in mp2a(*arguments, "--out", tmp_path / "x.json", expect=2).stderr
+    assert message in mp2a(*arguments, "--out", tmp_path / "x", "--write", "npz", expect=2).stderr
 
 
-def test_a_wrong_path_ends_all_ranks(tmp_path):
-    program = [sys.executable, "-m", "mp2a", "march", "--path", "0,0 0,0", "--out", str(tmp_path / "x.json")]
-    done = launch.run(3, program, timeout=60, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--path", "0,0 0,0"], "twice in sequence"),
+        (["--n", "4"], "--n: got 4 on 3 ranks"),
+        ([LISTING], "FILE: got 2 robots for 3 ranks"),
+        (["--spacing", "0.5"], "robot 1 touches robot 2 at the start"),
+    ],
+)
+def test_a_mistake_ends_all_ranks(tmp_path, arguments, message):
+    done = on_ranks(3, *arguments, "--out", tmp_path / "x")
     assert done.returncode == 2, done.stdout
-    assert "twice in sequence" in done.stdout
+    assert message in done.stdout
     assert "Traceback" not in done.stdout
 
 
@@ -85,12 +144,10 @@ def test_a_file_that_holds_no_march_is_refused(tmp_path):
             load(tmp_path / name)
     with pytest.raises(InputError, match="cannot be read"):
         load(tmp_path / "nothing.json")
-    record, about = load_some(tmp_path)
+    mp2a("--n", 1, "--path", "0,0 1,0", "--seconds", 1, "--out", tmp_path / "x", "--write", "npz", "--quiet")
+    record, about = load(tmp_path / "x-scan.npz")
+    save(tmp_path / "x.json", record, about)
+    again, _ = load(tmp_path / "x.json")
+    assert (again.pose == record.pose).all()
     with pytest.raises(InputError, match=r"out: .* cannot be written"):
         save(tmp_path / "a.json" / "x.json", record, about)
-
-
-def load_some(tmp_path):
-    out = tmp_path / "some.npz"
-    mp2a("--robots", 1, "--path", "0,0 1,0", "--seconds", 1, "--out", out, "--quiet")
-    return load(out)

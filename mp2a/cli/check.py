@@ -18,13 +18,16 @@ def add(commands: Any) -> None:
         commands,
         "check",
         _check,
-        "Find every mistake in a scenario: read it, then run it with ideal robots. Exit status 1 if one is serious.",
+        "Find every mistake in a scenario: read it, then run it with ideal robots, or in the 2-D simulator (--world). "
+        "Exit status 1 if one is serious.",
         "  mp2a check examples/scenarios/listing_6_3.txt\n"
         "  mp2a check dance.txt --robots tradr\n"
+        "  mp2a check dance.txt --world room.toml      among walls, with LIDAR, contacts and slip\n"
         "  mp2a check dance.txt --robots R1=husky,R2=tradr --max-speed 0.45\n"
         "  mp2a check --demo > dance.txt              a scenario that explains every instruction",
     )
     parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help="the scenario")
+    parser.add_argument("--world", type=Path, metavar="FILE", help="simulate in this world (TOML); none: ideal robots")
     parser.add_argument("--demo", action="store_true", help="print a commented scenario")
     parser.add_argument("--robots", default="husky", help="a model for all, or ROLE=MODEL,… (default: husky)")
     parser.add_argument("--max-speed", type=positive_number, metavar="V", help="v_max, m/s (default: slowest robot's)")
@@ -43,11 +46,17 @@ def _check(options: argparse.Namespace) -> int:
     text = read(options.file)
     margin = check.MARGIN if options.margin is None else options.margin
     with progress(options.quiet) as say:
-        result = check.report(
-            text, robots(options.robots), max_speed=options.max_speed, margin=margin,
-            tell=lambda time: say(f"running, {time:.0f} s"),
-        )  # fmt: skip
-    return _print(result, options.file)
+        common: dict[str, Any] = {
+            "max_speed": options.max_speed, "margin": margin, "tell": lambda time: say(f"running, {time:.0f} s")
+        }  # fmt: skip
+        if options.world is None:
+            result = check.report(text, robots(options.robots), **common)
+        else:
+            from mp2a.simulator import read_world
+            from mp2a.simulator.check import report
+
+            result = report(text, robots(options.robots), read_world(options.world), **common)
+    return _print(result, options.file, "ideal" if options.world is None else "simulated")
 
 
 def robots(text: str) -> "RobotModel | dict[str, RobotModel]":
@@ -72,7 +81,7 @@ def read(path: Path) -> str:
         raise InputError(f"FILE: {path} cannot be read as text ({error})") from error
 
 
-def _print(result: "Report", path: Path) -> int:
+def _print(result: "Report", path: Path, kind: str) -> int:
     from rich.console import Console
 
     serious = [finding for finding in result.findings if finding.serious]
@@ -81,7 +90,7 @@ def _print(result: "Report", path: Path) -> int:
         console.print(_timeline(result))
     for finding in result.findings:
         console.print(f"{'mistake' if finding.serious else 'note   '}  {finding}", markup=False, soft_wrap=True)
-    ran = "not run" if result.run is None else f"runs {result.run.time[-1]:.1f} s with ideal robots"
+    ran = "not run" if result.run is None else f"runs {result.run.time[-1]:.1f} s with {kind} robots"
     notes = len(result.findings) - len(serious)
     counts = f"{len(serious)} mistake{'s' * (len(serious) != 1)}, {notes} note{'s' * (notes != 1)}"
     console.print(f"{path}: {ran}; {counts}", markup=False, soft_wrap=True)

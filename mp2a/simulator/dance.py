@@ -11,6 +11,9 @@ from mp2a.formation.odometry import Odometry, into_frame, onto_ground
 from mp2a.simulator.observation import Event, Observation
 from mp2a.spatial import Array
 
+_STILL = 0.02
+"""m/s"""
+
 
 class Dance:
     """Some robots of a choreography, all of them or those of one rank.
@@ -39,19 +42,21 @@ class Dance:
         self.events: list[Event] = []
         self.leaders: list[Array] = []
         self._odometry = Odometry(len(self.robots))
+        self._stands = False
         self._was = np.zeros((3, n), dtype=bool)
 
     @property
     def done(self) -> bool:
-        """Whether the robots here have come to their end."""
+        """Whether the robots here have come to their end and stand."""
         dance = self.choreography
-        return dance.state.tick >= 0 and bool((dance.ended & dance.settled)[self.robots].all())
+        return dance.state.tick >= 0 and self._stands and bool((dance.ended & dance.settled)[self.robots].all())
 
     def step(self, sensed: Observation) -> Array:
         """Commands ``(m, 2)`` of the robots here for what they know; m/s and rad/s."""
         dance, mine = self.choreography, self.robots
         n = len(dance.robots)
         self._odometry.add(sensed.time, sensed.poses)
+        self._stands = bool((np.abs(sensed.twists[:, 0]) < _STILL).all())
         then = self._odometry.at(sensed.stamps)
         points: list[Array | None] = [np.empty((0, 2))] * n
         for k, i in enumerate(mine):

@@ -27,6 +27,10 @@ _TOGETHER = 1.0
 """s between two times of one finding that count as one."""
 
 
+Drive = Callable[[Choreography, float, Callable[[float], None] | None], Run]
+"""Run a choreography for so many seconds at most, and tell how far it is now and then."""
+
+
 class Report(NamedTuple):
     """What a check found, and the run it is from."""
 
@@ -80,8 +84,12 @@ def report(
     margin: float = MARGIN,
     longest: float = LONGEST,
     tell: Callable[[float], None] | None = None,
+    drive: Drive = run,
 ) -> Report:
-    """`check`, with the run and when each instruction began and ended; ``tell`` is called with the time reached."""
+    """`check`, with the run and when each instruction began and ended.
+
+    ``tell`` is called with the time reached; ``drive`` runs the choreography, if not with ideal robots.
+    """
     if not 0 <= margin < np.inf:
         raise InputError(f"margin: got {margin}, expected a distance in m of at least 0")
     scenario, findings = read(text)
@@ -90,7 +98,7 @@ def report(
     dance = Choreography(scenario, robots, max_speed)
     findings += broken_rules(scenario, dance.fleet, dance.max_speed, margin)
     findings.sort(key=lambda finding: finding.line or 0)
-    done = run(dance, longest, tell)
+    done = drive(dance, longest, tell)
     seen = [*_collisions(dance, done, margin), *_too_slow(dance, done), *_backwards(dance, done)]
     findings += sorted(seen, key=lambda finding: finding.time or (0.0, 0.0))
     if not done.done:
@@ -111,7 +119,7 @@ def _collisions(dance: Choreography, done: Run, margin: float) -> Iterator[Findi
         what = "collide" if close.overlap else f"come closer than {margin:g} m"
         x, y = done.poses[close.begin, [close.first, close.second], :2].mean(axis=0)
         yield Finding(
-            "collision", f"{first} and {second} {what}{_during(dance, close.first, done.time[close.begin])}",
+            "collision", f"{first} and {second} {what}{during(dance, close.first, done.time[close.begin])}",
             time=(float(done.time[close.begin]), float(done.time[close.end])),
             robots=(first, second), place=(float(x), float(y)),
         )  # fmt: skip
@@ -123,7 +131,7 @@ def _too_slow(dance: Choreography, done: Run) -> Iterator[Finding]:
         asked, most = np.abs(done.asked[begin : end + 1, i, 0]).max(), done.excess[begin : end + 1, i].max()
         message = (
             f"{dance.robots[i]} falls {most:.2f} m behind: it would have to drive up to {asked:.2f} m/s, "
-            f"has {dance.fleet.max_speed[i]:g}{_during(dance, i, done.time[begin])}"
+            f"has {dance.fleet.max_speed[i]:g}{during(dance, i, done.time[begin])}"
         )
         # Serious if it has not caught up by the time its leader ends.
         last = max((event.time for event in dance.events if event.robot == dance.robots[i]), default=np.inf)
@@ -132,7 +140,7 @@ def _too_slow(dance: Choreography, done: Run) -> Iterator[Finding]:
 
 def _backwards(dance: Choreography, done: Run) -> Iterator[Finding]:
     for i, begin, end in _lasting(done.twists[..., 0] < 0):
-        message = f"{dance.robots[i]} has turned round and drives backwards{_during(dance, i, done.time[begin])}"
+        message = f"{dance.robots[i]} has turned round and drives backwards{during(dance, i, done.time[begin])}"
         yield _seen("backwards", message, False, dance, done, i, begin, end)
 
 
@@ -153,7 +161,7 @@ def _lasting(what: NDArray[np.bool_]) -> Iterator[tuple[int, int, int]]:
                 yield i, int(begin), int(end) - 1
 
 
-def _during(dance: Choreography, robot: int, time: float) -> str:
+def during(dance: Choreography, robot: int, time: float) -> str:
     """Name the instruction a robot is at."""
     began = [e for e in dance.events if e.robot == dance.robots[robot] and e.what == "began" and e.time <= time + 1e-9]
     return f" (line {began[-1].instruction.line})" if began else ""
