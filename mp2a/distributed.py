@@ -3,7 +3,6 @@
 import hashlib
 import statistics
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from types import TracebackType
 
@@ -66,6 +65,8 @@ class DistributedChain:
         Which bodies of the chain this rank holds.
     part
         These bodies, as a chain of their own.
+    q_columns, v_columns
+        Where the whole chain's q, and v and a, have the numbers of these bodies; slices.
     method
         Name of the method in use.
     choice
@@ -123,6 +124,11 @@ class DistributedChain:
         rank = self._comm.Get_rank()
         self.bodies = range(sum(counts[:rank]), sum(counts[: rank + 1]))
         self.part = block.cut(whole, self.bodies) if self._blocks else whole.body(rank)
+        self._block = block.block_of(self.part) if self._blocks else None
+        self.q_columns, self.v_columns = (
+            slice(int(starts[self.bodies.start]), int(starts[self.bodies.stop]))
+            for starts in (whole.q_starts, whole.v_starts)
+        )
         self.transport = MPITransport(link, self.schedule)
         self.trace = TraceTransport(self.transport) if trace else None
 
@@ -164,8 +170,10 @@ class DistributedChain:
         self.transport.begin(state.samples, sound=error is None)
         carrier: Transport = self.trace or self.transport
         method = METHODS[self.method]
-        solve = partial(block.solve, method) if self._blocks else method.solve
-        result = solve(self.part, state, self._gravity, self.schedule, carrier)
+        if self._block is None:
+            result = method.solve(self.part, state, self._gravity, self.schedule, carrier)
+        else:
+            result = block.solve(method, self._block, state, self._gravity, self.schedule, carrier)
         self.transport.flush()
         # Along a chain a wrong input has reached every rank by now; between the branches of a tree it has not.
         if not (self.transport.sound if self._serial else agree(self._comm, self.transport.sound)):

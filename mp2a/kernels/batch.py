@@ -80,7 +80,7 @@ def recursion(
     dtype
         Number format of the arithmetic and of the result, double or single.
     out
-        Where to put the torque, ``(T, nv)`` of this format.
+        Where to put the torque, ``(T, nv)`` of this format, if it is laid out as the input and does not overlap it.
 
     Returns
     -------
@@ -104,9 +104,6 @@ def recursion(
     ends = at(base), 12 * (base.ndim - 1), at(tip), 6 * (tip.ndim - 1)
     results = at(torque), _stride(torque, given.columnwise), at(output), padded, at(root), 0
     sound = _run(run, chain, given, ends, results, form, threads, bodies=bodies)
-    if out is not None and torque is not out:
-        out[...] = torque
-        torque = out
     return Result(torque, output[..., :samples] if bodies else None, root[:, :samples], sound)
 
 

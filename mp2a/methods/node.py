@@ -78,6 +78,8 @@ class Method(NamedTuple):
     """Mean over the rounds."""
     scan: Callable[[Nodes, Array, Schedule, Transport], Scan]
     """``(nodes of this process, gravity, schedule, transport)`` to what they know after the exchanges."""
+    loaded: bool
+    """Whether it asks nodes for their load."""
 
     def solve(
         self, bodies: Chain, state: State, gravity: Array, schedule: Schedule, transport: Transport
