@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from mp2a.arrangement import Arrangement as Arrangement
     from mp2a.chain import Chain as Chain
     from mp2a.distributed import DistributedChain as DistributedChain
+    from mp2a.dynamics import placements as placements
     from mp2a.dynamics import rnea as rnea
     from mp2a.exceptions import InputError as InputError
     from mp2a.exceptions import MissingError as MissingError
@@ -26,6 +27,7 @@ _HOMES = {
     "InputError": "mp2a.exceptions",
     "InverseDynamics": "mp2a.methods.result",
     "MissingError": "mp2a.exceptions",
+    "placements": "mp2a.dynamics",
     "rnea": "mp2a.dynamics",
 }
 

@@ -2,22 +2,26 @@
 
 import hashlib
 import statistics
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
+from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from mp2a import schedule as schedules
 from mp2a.chain import Chain
 from mp2a.checks import array, count, numbers
 from mp2a.exceptions import InputError
-from mp2a.leaf import State, check_gravity, check_state
+from mp2a.leaf import State, check_gravity, check_state, joint_motion
 from mp2a.methods import METHODS, InverseDynamics, block
 from mp2a.methods.auto import AUTO, Choice, choose
+from mp2a.methods.compact import outwards
 from mp2a.network import EmulatedNetwork
-from mp2a.schedule import Formation, shifted
+from mp2a.schedule import Formation, Schedule, shifted
+from mp2a.segments.motion import leaf, view
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.base import Transport
 from mp2a.transport.link import EmulatedLink, Link, make_link, measure
@@ -129,11 +133,19 @@ class DistributedChain:
             slice(int(starts[self.bodies.start]), int(starts[self.bodies.stop]))
             for starts in (whole.q_starts, whole.v_starts)
         )
+        self._parents = whole.parents
+        self._carriers: dict[str, _Carrier] = {}
         self.transport = MPITransport(link, self.schedule)
         self.trace = TraceTransport(self.transport) if trace else None
 
     def rnea(
-        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, external_force: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        external_force: ArrayLike | None = None,
+        *,
+        wrong: InputError | None = None,
     ) -> InverseDynamics:
         """Inverse dynamics of the formation, each rank with the values of its own joints; collective.
 
@@ -145,6 +157,8 @@ class DistributedChain:
         external_force
             ``[torque; force]`` on this rank's body, in its frame about its origin, ``(6,)`` or ``(T, 6)``, N m and N.
             If there are more bodies than ranks, on its m bodies, ``(m, 6)`` or ``(T, m, 6)``.
+        wrong
+            An error that this rank's caller has found in its own input and that every rank is to raise.
 
         Returns
         -------
@@ -159,14 +173,16 @@ class DistributedChain:
         """
         error: InputError | None = None
         try:
+            if wrong is not None:
+                raise wrong
             state = check_state(self.part, q, v, a, self._own_force(external_force))
             if state.samples > self.transport.most_samples:
                 raise InputError(
                     f"q, v, a: got {state.samples} samples, expected at most {self.transport.most_samples} a call "
                     "with this MPI"
                 )
-        except InputError as wrong:
-            error, state = wrong, _at_rest(self.part)
+        except InputError as found:
+            error, state = found, _at_rest(self.part)
         self.transport.begin(state.samples, sound=error is None)
         carrier: Transport = self.trace or self.transport
         method = METHODS[self.method]
@@ -183,12 +199,82 @@ class DistributedChain:
         velocity, acceleration, force = (x[at] for x in (result.velocity, result.acceleration, result.force))
         if self._blocks and not state.single:  # samples first
             velocity, acceleration, force = (np.swapaxes(x, 0, 1) for x in (velocity, acceleration, force))
-        return InverseDynamics(velocity, acceleration, force, result.torque[at[1]])
+        place = [] if result.rotation is None or result.position is None else [result.rotation[at], result.position[at]]
+        return InverseDynamics(velocity, acceleration, force, result.torque[at[1]], *place)
+
+    def placement(self, q: ArrayLike) -> tuple[Array, Array]:
+        """Where this robot is, by the rounds of motion alone, for methods whose `rnea` does not tell; collective.
+
+        Parameters
+        ----------
+        q
+            This robot's coordinates, ``(nq,)``.
+
+        Returns
+        -------
+        tuple of numpy.ndarray
+            Rotation from this body's to the base frame ``(3, 3)`` and position of its origin ``(3,)`` m.
+
+        Raises
+        ------
+        InputError
+            On every rank, if ``q`` of any rank is wrong.
+        """
+        error: InputError | None = None
+        state = _at_rest(self.part)
+        try:
+            state = check_state(self.part, q, state.v[0], state.a[0], None)
+        except InputError as found:
+            error = found
+        raise_together(self._comm, error)
+        carrier = self._one_way(schedules.motion, 1)
+        path = outwards(leaf(joint_motion(self.part, state)), carrier.schedule, carrier.transport)
+        carrier.transport.flush()
+        place = view(path[0, 0])
+        return place.rotation, place.translation
+
+    def hand_on(self, values: ArrayLike) -> Array | None:
+        """Hand some numbers to the robots that hang on this one, and return those of its parent; collective.
+
+        Parameters
+        ----------
+        values
+            ``(k,)``, k the same on every rank.
+
+        Returns
+        -------
+        numpy.ndarray or None
+            ``(k,)`` of the robot that this one hangs on; None if it hangs on the base.
+
+        Raises
+        ------
+        InputError
+            If ``values`` is not one row of numbers, or the parent's row has another length; on this rank alone.
+        """
+        values = array("values", values, (None,))
+        if not len(values):
+            raise InputError("values: got none, expected at least one number")
+        carrier = self._one_way(schedules.neighbours, len(values))  # the tag by which another length is noticed
+        arrivals = carrier.transport.exchange(carrier.schedule.rounds[0], {schedules.MOTION: values[None]})
+        carrier.transport.flush()
+        if not carrier.transport.sound:
+            raise InputError(f"values: got {len(values)} and another number from the parent, expected as many")
+        return arrivals[0].data[0].copy() if arrivals else None
+
+    def _one_way(self, plan: Callable[[NDArray[np.intp]], Schedule], samples: int) -> "_Carrier":
+        """Transport for a schedule that runs outwards only, made when it is first wanted."""
+        if plan.__name__ not in self._carriers:
+            schedule = plan(self._parents)
+            self._carriers[plan.__name__] = _Carrier(schedule, MPITransport(self.transport.link, schedule))
+        carrier = self._carriers[plan.__name__]
+        carrier.transport.begin(samples, sound=True)
+        return carrier
 
     def close(self) -> None:
         """Free the duplicate communicator; collective. Closing twice does nothing."""
         if self._comm != MPI.COMM_NULL:
-            self.transport.close()
+            for transport in (self.transport, *(carrier.transport for carrier in self._carriers.values())):
+                transport.close()
             self._comm.Free()
 
     def __enter__(self) -> "DistributedChain":
@@ -247,6 +333,11 @@ class DistributedChain:
         odd = next((rank for rank, count in enumerate(counts) if count != counts[0]), 0)
         given = f"{counts[0]} samples on rank 0 and {counts[odd]} on rank {odd}"
         return f"q, v, a: got {given}, expected the same number on every rank"
+
+
+class _Carrier(NamedTuple):
+    schedule: Schedule
+    transport: MPITransport
 
 
 def _read(chain: Chain | str | Path) -> Chain:

@@ -5,13 +5,16 @@ from typing import Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
+from mp2a import schedule
 from mp2a.chain import Chain
 from mp2a.checks import count
 from mp2a.exceptions import InputError
 from mp2a.kernels.plan import FORMATS
-from mp2a.leaf import check_gravity, check_shapes, check_values
+from mp2a.leaf import check_gravity, check_shapes, check_state, check_values, joint_motion
 from mp2a.methods import METHODS, InverseDynamics
+from mp2a.methods.compact import outwards
 from mp2a.recursion import recursion
+from mp2a.segments import motion
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.local import LocalTransport
 
@@ -127,11 +130,48 @@ def rnea(
     if target is not None:
         target[...] = torque
         torque = target
-    rows = None
-    if bodies:
-        parts = (made.velocity, made.acceleration, made.force)
-        rows = np.concatenate([x.swapaxes(1, 2) for x in parts], axis=1).astype(form, copy=False)
-    return _report(torque, rows, state.single)
+    if state.single:
+        torque = torque[0]
+    if not bodies:
+        return torque
+    names = ("velocity", "acceleration", "force", "rotation", "position")
+    outside = {name: getattr(made, name) for name in names if getattr(made, name) is not None}
+    parts = {name: _samples_first(x, state.single).astype(form, copy=False) for name, x in outside.items()}
+    return InverseDynamics(torque=torque, **parts)
+
+
+def placements(chain: Chain, q: ArrayLike) -> tuple[Array, Array]:
+    """Where the bodies of a chain are, by the rounds of motion alone.
+
+    Parameters
+    ----------
+    chain
+        n bodies.
+    q
+        Coordinates, ``(nq,)`` or ``(T, nq)``; rad and m.
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        Rotation from the body's to the base frame ``(n, 3, 3)`` and position of its origin ``(n, 3)`` m, with T in
+        front if ``q`` has it.
+
+    Raises
+    ------
+    InputError
+        As for `rnea`.
+    """
+    still = np.zeros((*np.shape(q)[:-1], chain.nv))
+    state = check_state(chain, q, still, still, None)
+    path = motion.leaf(joint_motion(chain, state))
+    whole = motion.view(outwards(path, schedule.motion(chain.parents), LocalTransport(len(chain))))
+    rotation, position = (_samples_first(x, state.single) for x in (whole.rotation, whole.translation))
+    return rotation, position
+
+
+def _samples_first(values: Array, single: bool) -> Array:
+    """Results ``(n, T, …)`` as ``(T, n, …)``, or as ``(n, …)`` for a single sample."""
+    return values[:, 0] if single else values.swapaxes(0, 1)
 
 
 def _report(torque: Array, bodies: Array | None, single: bool) -> Array | InverseDynamics:

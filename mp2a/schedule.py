@@ -144,6 +144,24 @@ def compact(formation: Formation) -> Schedule:
     return Schedule(len(parents), (*out, *back))
 
 
+def motion(formation: Formation) -> Schedule:
+    """Take the rounds of motion of `compact` alone, which tell every body where it is."""
+    schedule = compact(formation)
+    return Schedule(schedule.nodes, schedule.recurrence("motion"))
+
+
+def neighbours(formation: Formation) -> Schedule:
+    """One round: every body to those that hang on it.
+
+    Parameters
+    ----------
+    formation
+        As for `sweep`.
+    """
+    parents = _parents(formation)
+    return Schedule(len(parents), tuple(_numbered("neighbours", [(_outwards(parents),)])))
+
+
 def relay(formation: Formation) -> Schedule:
     """Neighbour to neighbour: 2 (n - 1) hops of a chain, motion (12 numbers) outwards, then forces (6) inwards."""
     n = len(_parents(formation))

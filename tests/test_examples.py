@@ -25,7 +25,9 @@ def test_example(example):
     assert len(done.stdout.splitlines()) >= 3
 
 
-@pytest.mark.parametrize("page", ["docs/tutorial.md", "docs/choreography.md", "docs/simulator.md", "README.md"])
+@pytest.mark.parametrize(
+    "page", ["docs/tutorial.md", "docs/choreography.md", "docs/formation.md", "docs/simulator.md", "README.md"]
+)
 def test_python_of_a_page(page):
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), flags=re.S)
     assert blocks

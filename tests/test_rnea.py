@@ -5,7 +5,7 @@ import doctest
 import numpy as np
 import pinocchio
 import pytest
-from helpers import ALL_JOINTS, random_forest, random_load, relative_error
+from helpers import ALL_JOINTS, placements, random_forest, random_load, relative_error
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -187,3 +187,22 @@ def test_examples_in_the_docstrings_run():
     result = doctest.testmod(mp2a.dynamics)
     assert result.attempted > 0
     assert result.failed == 0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_bodies_are_placed_as_by_going_along_the_chain(method):
+    chain = Chain.random(21, 3, ALL_JOINTS) if method == "kogge-stone" else random_forest(21, 3, 3)
+    q, v, a = chain.random_state(4, seed=3)
+    for sample in range(4):
+        rotations, origins = placements(chain, q[sample])
+        for got in (mp2a.placements(chain, q[sample]), [part[sample] for part in mp2a.placements(chain, q)]):
+            assert relative_error(got[0], rotations) < 1e-12
+            assert relative_error(got[1], origins) < 1e-12
+        done = mp2a.rnea(chain, q, v, a, method=method, bodies=True)
+        if method in ("kogge-stone", "serial"):
+            assert done.rotation is None and done.position is None
+        else:
+            assert relative_error(done.rotation[sample], rotations) < 1e-12
+            assert relative_error(done.position[sample], origins) < 1e-12
+    with pytest.raises(InputError, match="q: got"):
+        mp2a.placements(chain, q[0, 1:])

@@ -20,6 +20,8 @@ from mp2a.schedule import (
     TAIL,
     compact,
     kogge_stone,
+    motion,
+    neighbours,
     relay,
     rounds_needed,
     shifted,
@@ -269,3 +271,16 @@ def test_no_robots_no_schedule(name):
         with pytest.raises(InputError, match=f"n: got {n}, expected a whole number of at least 1"):
             SCHEDULES[name](n)
     assert SCHEDULES[name](1).rounds == ()
+
+
+@pytest.mark.parametrize("parents", [[-1], [-1, 0, 1, 2, 3], [-1, 0, 0, 1, -1, 4]])
+def test_one_way_schedules(parents):
+    parents = np.array(parents)
+    ahead = np.flatnonzero(parents >= 0)
+    (round_,) = neighbours(parents).rounds
+    ((kind, source, target),) = round_.transfers
+    assert kind == MOTION
+    assert (target == ahead).all() and (source == parents[ahead]).all()
+    assert str(motion(parents)) == "\n".join(
+        line for line in str(compact(parents)).splitlines() if line.startswith("motion")
+    )

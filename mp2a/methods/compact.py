@@ -38,11 +38,28 @@ def compact(nodes: Nodes, gravity: Array, schedule: Schedule, transport: Transpo
     registers = transport.registers(layout, nodes.path.shape[1])
     registers["path"][:] = nodes.path
     transport.run(outwards, _OUTWARDS, registers)
-    velocity, acceleration = read_off(registers["path"], gravity)
+    path = registers["path"].copy()
+    velocity, acceleration = read_off(path, gravity)
     classical = spatial_to_classical(acceleration, velocity)
     registers["force"][:] = nodes.force(velocity, classical)
     if nodes.blocks:
         registers["behind"][:] = 0.0
     transport.run(schedule.recurrence("force"), _INWARDS_OF_BLOCKS if nodes.blocks else _INWARDS, registers)
     behind = registers["behind"].copy() if nodes.blocks else None
-    return Scan(velocity, classical, registers["force"].copy(), behind)
+    return Scan(velocity, classical, registers["force"].copy(), behind, path)
+
+
+def outwards(path: Array, schedule: Schedule, transport: Transport) -> Array:
+    """Scan motion alone: paths from the base to all nodes, ``(nodes, T, 24)``.
+
+    Parameters
+    ----------
+    path
+        From each node's parent to it, ``(nodes, T, 24)``.
+    schedule, transport
+        With rounds of a recurrence "motion", as `mp2a.schedule.motion` has them.
+    """
+    registers = transport.registers({"path": Register({"path": motion.DOUBLES}, copies=2)}, path.shape[1])
+    registers["path"][:] = path
+    transport.run(schedule.recurrence("motion"), _OUTWARDS, registers)
+    return registers["path"].copy()

@@ -36,6 +36,8 @@ class Scan(NamedTuple):
     behind: Array | None
     """The part of it that goes to what is behind the node; None unless nodes are blocks. It comes from what was
     received, not from a difference, in which digits would be lost."""
+    path: Array | None = None
+    """From the base to the heads, ``(nodes, T, 24)``, where the method has it."""
 
 
 def single_bodies(bodies: Chain, state: State) -> Nodes:
@@ -85,5 +87,6 @@ class Method(NamedTuple):
         self, bodies: Chain, state: State, gravity: Array, schedule: Schedule, transport: Transport
     ) -> InverseDynamics:
         """Inverse dynamics of the bodies this process holds, each a node."""
-        velocity, acceleration, force, _ = self.scan(single_bodies(bodies, state), gravity, schedule, transport)
-        return InverseDynamics(velocity, acceleration, force, joint_torque(bodies, force))
+        velocity, acceleration, force, _, path = self.scan(single_bodies(bodies, state), gravity, schedule, transport)
+        place = () if path is None else motion.view(path)[:2]
+        return InverseDynamics(velocity, acceleration, force, joint_torque(bodies, force), *place)

@@ -23,9 +23,15 @@ class InverseDynamics:
         ``F = [τ; f]`` that the joint passes to the body, N m and N (eq. 6).
     torque
         ``τ = Hᵀ F``, ``(nv,)`` or ``(T, nv)``, N m and N.
+    rotation, position
+        Placement in the base frame, ``(n, 3, 3)`` and ``(n, 3)`` m, with T in front as above: the products X of the
+        same exchanges. None from "kogge-stone", where what reaches the base goes on as a vector without its matrix,
+        from "serial", and where a rank holds several bodies.
     """
 
     velocity: Array
     acceleration: Array
     force: Array
     torque: Array
+    rotation: Array | None = None
+    position: Array | None = None

@@ -44,10 +44,11 @@ def sweep(nodes: Nodes, gravity: Array, schedule: Schedule, transport: Transport
     if nodes.blocks:
         registers["behind"][:] = 0.0
     transport.run(schedule.recurrence("sweep"), _USES_OF_BLOCKS if nodes.blocks else _USES, registers)
-    velocity, acceleration = read_off(registers["path"], gravity)
+    path = registers["path"].copy()
+    velocity, acceleration = read_off(path, gravity)
     force = kernels.force(registers["below"], velocity, acceleration)
     behind = kernels.force(registers["behind"], velocity, acceleration) if nodes.blocks else None
-    return Scan(velocity, spatial_to_classical(acceleration, velocity), force, behind)
+    return Scan(velocity, spatial_to_classical(acceleration, velocity), force, behind, path)
 
 
 def read_off(path: Array, gravity: Array) -> tuple[Array, Array]:

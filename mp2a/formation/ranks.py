@@ -1,0 +1,40 @@
+"""The exchange of a march with one robot a rank."""
+
+import numpy as np
+
+from mp2a.distributed import DistributedChain
+from mp2a.exceptions import InputError
+from mp2a.formation.exchange import Scan, read_off, samples
+from mp2a.formation.plane import Motion
+from mp2a.methods.result import InverseDynamics
+from mp2a.spatial import Array
+
+
+class OverRanks:
+    """One robot a rank.
+
+    Parameters
+    ----------
+    ranks
+        The formation's chain over the communicator.
+    """
+
+    def __init__(self, ranks: DistributedChain) -> None:
+        self.ranks = ranks
+        self.robots = np.array([ranks.transport.first])
+
+    def hand_on(self, values: Array) -> Array:
+        """Send the values to the ranks of those that hang on this one, and receive from the parent's."""
+        told = self.ranks.hand_on(values[0])
+        return np.zeros_like(values) if told is None else told[None]
+
+    def scan(self, joints: Motion, external: Array, wrong: InputError | None) -> Scan:
+        """Run this rank's part of the scan."""
+        q, v, a, forces = samples(joints, external)
+        done = self.ranks.rnea(q[:, 0], v[:, 0], a[:, 0], forces[:, 0], wrong=wrong)
+        if done.rotation is None or done.position is None:
+            rotation, position = self.ranks.placement(q[0, 0])
+        else:
+            rotation, position = done.rotation[0], done.position[0]
+        own = InverseDynamics(*(x[:, None] for x in (done.velocity, done.acceleration, done.force, done.torque)))
+        return read_off(own, rotation[None], position[None])

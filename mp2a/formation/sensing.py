@@ -1,0 +1,105 @@
+"""What robots sense: points of obstacles, each robot's in its own frame, packed so that no step goes robot by robot."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mp2a.checks import array
+from mp2a.exceptions import InputError
+from mp2a.spatial import Array
+
+
+class Sensed(NamedTuple):
+    """What the sensors of the m robots of this process have said since the last tick."""
+
+    points: Array
+    """``(k, 2)``: x ahead, y to the left, m, each in the frame of the robot that sensed it"""
+    robot: NDArray[np.intp]
+    """``(k,)``: which of the m robots"""
+    heard: NDArray[np.bool_]
+    """``(m,)``: whether the sensor said anything; no points from one that did means that nothing is near"""
+
+
+def pack(points: Sequence[ArrayLike | None]) -> Sensed:
+    """Pack one array ``(k, 2)`` a robot; None for a sensor that has said nothing.
+
+    Raises
+    ------
+    InputError
+        If one of them is not ``(k, 2)`` finite numbers.
+    """
+    clouds = [
+        np.empty((0, 2)) if cloud is None or np.size(cloud) == 0 else array(f"points of robot {i}", cloud, (None, 2))
+        for i, cloud in enumerate(points)
+    ]
+    owners = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
+    heard = np.array([cloud is not None for cloud in points], dtype=bool)
+    return Sensed(np.concatenate(clouds) if clouds else np.empty((0, 2)), owners, heard)
+
+
+def check(sensed: Sensed, robots: int) -> Sensed:
+    """Check packed points for a number of robots.
+
+    Raises
+    ------
+    InputError
+        Naming the part, what was given and what was expected.
+    """
+    points = array("points", sensed.points, (None, 2))
+    owners = array("robot", sensed.robot, (len(points),), whole=True)
+    if len(owners) and not 0 <= owners.min() <= owners.max() < robots:
+        raise InputError(f"robot: got {owners.min()} to {owners.max()}, expected numbers from 0 to {robots - 1}")
+    heard = array("heard", sensed.heard, (robots,)).astype(bool)
+    return Sensed(points, owners, heard)
+
+
+def nothing(robots: int) -> Sensed:
+    """Sensors that see nothing."""
+    return Sensed(np.empty((0, 2)), np.empty(0, dtype=np.intp), np.ones(robots, dtype=bool))
+
+
+_INSIDE = 1e-3
+"""m"""
+
+
+class Discs:
+    """A small world for tests and examples: discs on the ground, of which robots see the nearest point each.
+
+    Parameters
+    ----------
+    discs
+        ``(k, 3)``: x, y and radius, m.
+    reach
+        How far robots see, m.
+
+    Raises
+    ------
+    InputError
+        If a radius is negative or a number not finite.
+    """
+
+    def __init__(self, discs: ArrayLike = (), reach: float = 5.0) -> None:
+        given = np.asarray(discs)
+        self.discs = array("discs", np.empty((0, 3)) if given.size == 0 else given, (None, 3))
+        if (self.discs[:, 2] < 0).any():
+            raise InputError(f"discs: got a radius of {self.discs[:, 2].min()}, expected none below zero")
+        self.reach = reach
+
+    def sense(self, poses: Array) -> Sensed:
+        """Nearest points of the discs in reach of robots at ``(m, 3)`` poses."""
+        ahead = self.discs[:, 0] + 1j * self.discs[:, 1] - (poses[:, 0] + 1j * poses[:, 1])[:, None]
+        distance = np.abs(ahead)
+        robot, disc = np.nonzero(distance - self.discs[:, 2] < self.reach)
+        far = distance[robot, disc]
+        # Within a disc its edge would push a robot to the middle; it feels what is next to it on the middle's side.
+        towards = np.where(far > 0, ahead[robot, disc] / np.where(far > 0, far, 1.0), 1.0)
+        at = towards * np.maximum(far - self.discs[disc, 2], _INSIDE) * np.exp(-1j * poses[robot, 2])
+        return Sensed(np.stack((at.real, at.imag), axis=-1), robot, np.ones(len(poses), dtype=bool))
+
+    def clearance(self, poses: Array) -> Array:
+        """Distance of each of ``(..., 3)`` poses from the nearest disc's edge, ``(...,)``, m; inside it negative."""
+        ahead = (self.discs[:, 0] + 1j * self.discs[:, 1]) - (poses[..., 0] + 1j * poses[..., 1])[..., None]
+        out: Array = np.min(np.abs(ahead) - self.discs[:, 2], axis=-1, initial=np.inf)
+        return out

@@ -1,0 +1,51 @@
+"""A robot hands numbers to those that hang on it and gets its parent's; every robot is told where it is."""
+
+import numpy as np
+from _formation import COMM, RANK, SIZE, Checks, chain_of_all_joints, own_columns
+
+import mp2a
+from mp2a.schedule import neighbours
+
+check = Checks()
+
+for branching in (1, 3):
+    chain = chain_of_all_joints(seed=3, branching=branching)
+    with mp2a.DistributedChain(COMM, chain, "compact") as formation:
+        parent = chain.parents[RANK]
+        for count in (1, 9, 4):
+            told = formation.hand_on(np.arange(count) + 100.0 * RANK)
+            check((told is None) == (parent < 0))
+            check(told is None or (told == np.arange(count) + 100.0 * parent).all())
+        sends = sum((source == RANK).sum() for _, source, _ in neighbours(chain.parents).rounds[0].transfers)
+        check(sends == (chain.parents == RANK).sum())
+
+        q, v, a = chain.random_state(seed=3)
+        qs, vs = own_columns(chain)
+        rotation, position = mp2a.placements(chain, q)
+        mine = formation.placement(q[qs])
+        check(np.allclose(mine[0], rotation[RANK], atol=1e-12) and np.allclose(mine[1], position[RANK], atol=1e-12))
+        scan = formation.rnea(q[qs], v[vs], a[vs])
+        check(np.allclose(scan.rotation, rotation[RANK], atol=1e-12))
+        check(np.allclose(scan.position, position[RANK], atol=1e-12))
+
+        last = RANK == SIZE - 1
+        errors = []
+        for call in (
+            lambda: formation.placement(np.full(len(q[qs]), np.nan) if last else q[qs]),  # noqa: B023
+            lambda: formation.rnea(q[qs], v[vs], a[vs], wrong=mp2a.InputError("what I know") if last else None),  # noqa: B023
+        ):
+            try:
+                call()
+            except mp2a.InputError as error:
+                errors.append(str(error))
+        check(len(errors) == 2)
+        check(len(set(COMM.allgather(tuple(errors)))) == 1, errors)
+        check(errors[1] == f"rank {SIZE - 1}: what I know", errors)
+        check(formation.hand_on(np.ones(1)) is None or parent >= 0)
+        try:  # another length on rank 0 is noticed by those that hang on it
+            formation.hand_on(np.ones(3 if RANK == 0 else 2))
+            check(parent != 0)
+        except mp2a.InputError as error:
+            check(parent == 0 and "expected as many" in str(error))
+        check(formation.hand_on([2.0]) is None or parent >= 0)
+check.done()
