@@ -6,6 +6,7 @@ from typing import NamedTuple
 from mp2a.chain import Chain
 from mp2a.leaf import State, joint_motion, joint_torque
 from mp2a.methods.result import InverseDynamics
+from mp2a.recursion import segment
 from mp2a.schedule import Formation, Schedule
 from mp2a.segments import load, motion
 from mp2a.spatial import Array, body_force
@@ -53,7 +54,10 @@ def single_bodies(bodies: Chain, state: State) -> Nodes:
             out -= state.external
         return out
 
-    return Nodes(motion.leaf(joint_motion(bodies, state)), leaf, force, blocks=False)
+    path = (
+        segment(bodies, state, loaded=False)[0][None] if len(bodies) == 1 else motion.leaf(joint_motion(bodies, state))
+    )
+    return Nodes(path, leaf, force, blocks=False)
 
 
 class Work(NamedTuple):

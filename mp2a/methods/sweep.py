@@ -1,12 +1,10 @@
 """The whole inverse dynamics in one set of rounds, on a chain or a tree (theory, section 4)."""
 
-import numpy as np
-
 from mp2a import kernels
 from mp2a.methods.node import Nodes, Scan
 from mp2a.schedule import FORCE, MOTION, Schedule
 from mp2a.segments import load, motion
-from mp2a.spatial import Array, apply, spatial_to_classical, transpose
+from mp2a.spatial import Array, spatial_to_classical
 from mp2a.transport.base import Transport
 from mp2a.transport.steps import Operation, Register, Use
 
@@ -55,5 +53,5 @@ def read_off(path: Array, gravity: Array) -> tuple[Array, Array]:
     """Velocity and spatial acceleration ``(n, T, 6)`` of bodies whose paths reach the base, which falls with -g."""
     whole = motion.view(path)
     acceleration = whole.acceleration.copy()
-    acceleration[..., 3:] -= apply(transpose(whole.rotation), np.broadcast_to(gravity, (*path.shape[:-1], 3)))
+    acceleration[..., 3:] -= gravity @ whole.rotation
     return whole.velocity.copy(), acceleration
