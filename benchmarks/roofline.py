@@ -184,11 +184,11 @@ def figure(results: dict[str, Any]) -> Figure:
     limits = [
         handle(Look("multiply-add units", INK, "")),
         handle(Look("the formulas' own mix", FAINT, ""), "--"),
-        handle(Look("memory, smallest and largest n", FAINT, ""), (0, (1, 1.5))),
+        handle(Look("memory, largest n", FAINT, ""), (0, (1, 1.5))),
     ]
     bounds_shown = [
-        handle(Look("arithmetic: out, then back", INK, ""), "--"),
-        handle(Look("memory, torque", FAINT, ""), (0, (1, 1.5))),
+        handle(Look("arithmetic: with bodies, and torque alone", INK, ""), "--"),
+        handle(Look("memory, torque alone", FAINT, ""), (0, (1, 1.5))),
     ]
     looks = [handle(look) for look in CASES.values()]
     legends(drawn, [("measured", looks), ("left: at most", limits), ("right: at least", bounds_shown)])
@@ -200,8 +200,7 @@ def _roofline(axes: Axes, results: dict[str, Any]) -> None:
     x = np.geomspace(0.5, 50, 100)
     axes.plot(x, np.full_like(x, peak), color=INK, linewidth=1.2)
     runs = results["runs"]
-    for run in (runs[0], runs[-1]):
-        axes.plot(x, np.minimum(x * run["stream"], peak), color=FAINT, linestyle=(0, (1, 1.5)), linewidth=1.2)
+    axes.plot(x, np.minimum(x * runs[-1]["stream"], peak), color=FAINT, linestyle=(0, (1, 1.5)), linewidth=1.2)
     for case, look in CASES.items():
         work = sum(counts.Count(**count).operations for count in results["counts"][case].values())
         moved = IN_AND_OUT + (REPORTED if case.endswith("bodies") else 0)
