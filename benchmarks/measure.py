@@ -11,6 +11,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import mp2a
+
 TURN = 5e-3
 """Seconds that a contender's turn takes at least; a turn's time is the median of its calls."""
 _MOST_CALLS = 50
@@ -77,7 +79,7 @@ def numbers(text: str) -> list[int]:
 
 def machine() -> dict[str, Any]:
     """Tell what is measured on: processor, versions, and how busy it is."""
-    packages = {name: version(name) for name in ("mp2a", "numpy", "numba", "pin")}
+    packages = {"mp2a": mp2a.__version__} | {name: version(name) for name in ("numpy", "numba", "pin")}
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     return {"processor": _processor(), "cores": os.cpu_count(), "python": platform.python_version(), "load": load} | (
         packages

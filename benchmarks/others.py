@@ -45,7 +45,8 @@ def urdf(chain: Chain) -> str:
         # For MuJoCo only: no hulls, no guesses, bodies as they are.
         '<mujoco><compiler angle="radian" fusestatic="false" balanceinertia="false" discardvisual="true"/></mujoco>',
         # frax wants a base with mass; it does not move, so that this changes nothing.
-        '<link name="base"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+        '<link name="base"><inertial><origin xyz="0 0 0" rpy="0 0 0"/>'
+        '<mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
         "</inertial></link>",
     ]
     for i, (axis, parent) in enumerate(zip(chain.axes, chain.parents, strict=True)):
