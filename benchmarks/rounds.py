@@ -3,74 +3,125 @@
     python benchmarks/rounds.py
 
 The rounds are those of each method between two robots, many of them in a row, with everything a round does: messages,
-joining, moving. Beside it, in the same run and interleaved: a bare exchange of the same sizes in plain mpi4py calls.
+joining, moving. Beside them, in the same run and interleaved:
+
+- interpreted: the same rounds step by step in Python, as they go in traces, over emulated networks, with hundreds of
+  samples and without compiled kernels;
+- bare messages: an exchange of the same sizes, by mpi4py's calls for new requests and for persistent ones;
+- arithmetic: what was recorded of the rounds, without the messages.
 """
 
 import statistics
 import sys
 import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from itertools import chain as chained
 
 import numpy as np
 
-ROUNDS, REPEATS = 2000, 9
+ROUNDS, REPEATS = 1200, 15
+
+Run = Callable[[], object]
 
 
 def ranks() -> None:
     """Measure; run by two ranks."""
     from mpi4py import MPI
 
-    from mp2a import Chain, kernels
+    from mp2a import kernels
+    from mp2a.methods import METHODS
+
+    comm = MPI.COMM_WORLD
+    for name in METHODS:
+        with ExitStack() as after:
+            timed = ours(name, after) | {f"bare, {how}": bare(name, how, after) for how in ("new", "persistent")}
+            turns = [{what: seconds(run) for what, run in timed.items()} for _ in range(REPEATS)]
+        if comm.Get_rank() == 0:
+            medians = {what: 1e6 * statistics.median(turn[what] for turn in turns) for what in timed}
+            print(f"{name:<12}", *(f"{what} {value:5.2f} µs " for what, value in medians.items()))
+    if comm.Get_rank() == 0:
+        status = kernels.status()
+        print(f"kernels: {'compiled' if status.compiled else 'numpy, ' + status.why}")
+
+
+def seconds(run: Run) -> float:
+    """Seconds a round."""
+    from mpi4py import MPI
+
+    MPI.COMM_WORLD.Barrier()
+    began = time.perf_counter()
+    run()
+    return (time.perf_counter() - began) / ROUNDS
+
+
+def ours(name: str, after: ExitStack) -> dict[str, Run]:
+    """Repeat every round of a method many times."""
+    from mpi4py import MPI
+
+    from mp2a import Chain
     from mp2a.leaf import check_state
     from mp2a.methods import METHODS
     from mp2a.schedule import Round, Schedule
+    from mp2a.transport.interpreter import interpret
     from mp2a.transport.link import MPILink
     from mp2a.transport.mpi import MPITransport
 
-    comm = MPI.COMM_WORLD
-    rank = comm.Get_rank()
-    status = kernels.status()
-    chain = Chain.random(2)
-    body, gravity = chain.body(rank), np.zeros(3)
-    state = check_state(body, *chain.random_state(body=rank), None)
+    class Interpreted(MPITransport):
+        def run(self, *what: object) -> None:
+            interpret(*what, self)
 
-    def rounds(name: str) -> float:
-        """Seconds a round of a method whose every round is repeated many times."""
-        method = METHODS[name]
-        once = method.schedule(2)
-        times = ROUNDS // len(once.rounds)
-        many = [Round(r.recurrence, k, r.transfers) for r in once.rounds for k in range(times)]
-        transport = MPITransport(MPILink(comm), Schedule(2, tuple(many)))
-        comm.Barrier()
-        began = time.perf_counter()
-        method.solve(body, state, gravity, Schedule(2, tuple(many)), transport)
-        transport.flush()
-        return (time.perf_counter() - began) / len(many)
+    comm, method, chain = MPI.COMM_WORLD, METHODS[name], Chain.random(2)
+    body, gravity = chain.body(comm.Get_rank()), np.zeros(3)
+    state = check_state(body, *chain.random_state(body=comm.Get_rank()), None)
+    once = method.schedule(2)
+    times = range(ROUNDS // len(once.rounds))
+    many = Schedule(2, tuple(Round(r.recurrence, k, r.transfers) for r in once.rounds for k in times))
 
-    def bare(name: str) -> float:
-        """Seconds of an exchange of the same messages in plain mpi4py calls."""
-        method = METHODS[name]
-        once = [
-            [(int(t.source[0]), np.zeros(method.doubles[t.kind])) for t in r.transfers]
-            for r in method.schedule(2).rounds
-        ]
-        exchanges = once * (ROUNDS // len(once))
-        comm.Barrier()
-        began = time.perf_counter()
-        for messages in exchanges:
-            requests = [
-                comm.Isend([data, MPI.DOUBLE], 1 - rank) if source == rank else comm.Irecv([data, MPI.DOUBLE], 1 - rank)
-                for source, data in messages
-            ]
-            MPI.Request.Waitall(requests)
-        return (time.perf_counter() - began) / len(exchanges)
+    def through(transport: MPITransport) -> Run:
+        def run() -> None:
+            method.solve(body, state, gravity, many, transport)
+            transport.flush()
 
-    for name in METHODS:
-        pairs = [(rounds(name), bare(name)) for _ in range(REPEATS)]
-        if rank == 0:
-            ours, theirs = (1e6 * statistics.median(column) for column in zip(*pairs, strict=True))
-            print(f"{name:<12} {ours:6.1f} µs a round, {theirs:5.1f} µs the bare messages")
-    if rank == 0:
-        print(f"kernels: {'compiled' if status.compiled else 'numpy, ' + status.why}")
+        after.callback(transport.close)
+        run()
+        return run
+
+    transport = MPITransport(MPILink(comm), many)
+    timed = {"ours": through(transport), "interpreted": through(Interpreted(MPILink(comm), many))}
+    programs = [program.without_messages() for program in transport.programs.values() if program]
+    return timed | ({"arithmetic": lambda: [program() for program in programs]} if programs else {})
+
+
+def bare(name: str, how: str, after: ExitStack) -> Run:
+    """Exchange the same messages in plain mpi4py calls."""
+    from mpi4py import MPI
+
+    from mp2a.methods import METHODS
+
+    comm, method = MPI.COMM_WORLD, METHODS[name]
+    rank, other = comm.Get_rank(), 1 - comm.Get_rank()
+    once = [
+        [(int(t.source[0]), [np.zeros(method.doubles[t.kind]), MPI.DOUBLE]) for t in r.transfers]
+        for r in method.schedule(2).rounds
+    ]
+    kept = [[(comm.Send_init if s == rank else comm.Recv_init)(x, other) for s, x in messages] for messages in once]
+
+    for request in chained.from_iterable(kept):
+        after.callback(request.Free)
+
+    def new() -> None:
+        for _ in range(ROUNDS // len(once)):
+            for messages in once:
+                MPI.Request.Waitall([(comm.Isend if s == rank else comm.Irecv)(x, other) for s, x in messages])
+
+    def persistent() -> None:
+        for _ in range(ROUNDS // len(kept)):
+            for requests in kept:
+                MPI.Prequest.Startall(requests)
+                MPI.Request.Waitall(requests)
+
+    return {"new": new, "persistent": persistent}[how]
 
 
 def main() -> None:

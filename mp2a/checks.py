@@ -40,3 +40,12 @@ def count(name: str, value: int, least: int = 1) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise InputError(f"{name}: got {value!r}, expected a whole number of at least {least}")
     return int(value)
+
+
+def positive(name: str, value: float, *, or_zero: bool = False) -> float:
+    """Return a finite number above 0, or not below it."""
+    number = numbers(name, value)
+    if number.ndim or not 0 <= number < np.inf or (number == 0 and not or_zero):
+        wanted = "a finite number of at least 0" if or_zero else "a finite number above 0"
+        raise InputError(f"{name}: got {value!r}, expected {wanted}")
+    return float(number)

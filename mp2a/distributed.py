@@ -1,7 +1,8 @@
-"""What users call under mpirun: a chain of which every rank is one body."""
+"""What users call under mpirun: a chain of which every rank holds one body, or a block of consecutive ones."""
 
 import hashlib
 import statistics
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -10,12 +11,13 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from mp2a.chain import Chain
-from mp2a.checks import count, numbers
+from mp2a.checks import array, count, numbers
 from mp2a.exceptions import InputError
 from mp2a.leaf import State, check_gravity, check_state
-from mp2a.methods import METHODS, InverseDynamics
+from mp2a.methods import METHODS, InverseDynamics, block
 from mp2a.methods.auto import AUTO, Choice, choose
 from mp2a.network import EmulatedNetwork
+from mp2a.schedule import Formation, shifted
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.base import Transport
 from mp2a.transport.link import EmulatedLink, Link, make_link, measure
@@ -29,21 +31,27 @@ _SMALL, _LARGE, _ROUNDS = 24, 24_000, 7
 class DistributedChain:
     """A formation over a communicator: rank i is robot i and keeps its own body alone.
 
+    A serial chain may have more bodies than there are ranks. Then each rank holds a block of consecutive ones, and what
+    it passes in and gets back has an axis of bodies, on a rank with one body too.
+
     Making and closing one, and each call of `rnea`, is collective: every rank of the communicator does it. All traffic
     is on a duplicate of the communicator. A wrong argument on any rank raises the same error on every rank.
 
     Parameters
     ----------
     comm
-        One rank a robot, in the order of the chain.
+        Ranks in the order of the chain.
     chain
-        The whole chain, the same on every rank; only the rank's own body is kept. Or a file that every rank reads: one
-        that `Chain.save` wrote (``.npz``), or a URDF. If one rank cannot read it, all raise its error.
+        The whole chain, the same on every rank; only the rank's own bodies are kept. Or a file that every rank reads:
+        one that `Chain.save` wrote (``.npz``), or a URDF. If one rank cannot read it, all raise its error.
     method
         One of `mp2a.methods.METHODS`, or "auto": the one that needs least time by the formation, the samples and what
         the network costs, which is measured between two ranks; `choice` says which and why.
     gravity
         ``(3,)`` m/s² in the base frame.
+    counts
+        How many bodies each rank holds: as many whole numbers of at least 1 as there are ranks, whose sum is the number
+        of bodies. None: as even as possible, the larger blocks first.
     samples
         Number of samples that calls will have, as far as "auto" is to know; calls may have any.
     network
@@ -53,8 +61,12 @@ class DistributedChain:
 
     Attributes
     ----------
-    body
-        This robot's body, a chain of one.
+    bodies
+        Which bodies of the chain this rank holds.
+    part
+        These bodies, as a chain of their own.
+    q_columns, v_columns
+        Where the whole chain's q, and v and a, have the numbers of these bodies; slices.
     method
         Name of the method in use.
     choice
@@ -67,8 +79,8 @@ class DistributedChain:
     Raises
     ------
     InputError
-        On every rank: if the chain has another size than the communicator, the arguments differ between ranks, or the
-        method is unknown or not for this chain.
+        On every rank: if there are more ranks than bodies, or more bodies than ranks in a tree, the counts do not fit,
+        the arguments differ between ranks, or the method is unknown or not for this chain.
 
     Examples
     --------
@@ -89,6 +101,7 @@ class DistributedChain:
         method: str = AUTO,
         gravity: ArrayLike = GRAVITY,
         *,
+        counts: Sequence[int] | None = None,
         samples: int = 1,
         network: EmulatedNetwork | None = None,
         trace: bool = False,
@@ -97,35 +110,47 @@ class DistributedChain:
             raise InputError(f"comm: got {type(comm).__name__}, expected an mpi4py intra-communicator")
         self._comm = comm.Dup()
         try:
-            whole, self._gravity, link = self._agree(chain, method, gravity, samples, network)
-            self.choice = _choose(link, whole, samples) if method == AUTO else None
+            whole, self._gravity, counts, link = self._agree(chain, method, gravity, counts, samples, network)
+            self._blocks = len(whole) > len(counts)
+            nodes = len(counts) if self._blocks else whole.parents
+            self.choice = _choose(link, nodes, samples) if method == AUTO else None
             self.method = method if self.choice is None else self.choice.method
-            self.schedule = METHODS[self.method].schedule(whole.parents)
+            schedule = METHODS[self.method].schedule(nodes)
+            self.schedule = shifted(schedule) if self._blocks else schedule
         except InputError:
             self._comm.Free()
             raise
         self._serial = whole.is_serial
-        self.body = whole.body(self._comm.Get_rank())
+        rank = self._comm.Get_rank()
+        self.bodies = range(sum(counts[:rank]), sum(counts[: rank + 1]))
+        self.part = block.cut(whole, self.bodies) if self._blocks else whole.body(rank)
+        self._block = block.block_of(self.part) if self._blocks else None
+        self.q_columns, self.v_columns = (
+            slice(int(starts[self.bodies.start]), int(starts[self.bodies.stop]))
+            for starts in (whole.q_starts, whole.v_starts)
+        )
         self.transport = MPITransport(link, self.schedule)
         self.trace = TraceTransport(self.transport) if trace else None
 
     def rnea(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, external_force: ArrayLike | None = None
     ) -> InverseDynamics:
-        """Inverse dynamics of the formation, each robot with its own joint's values; collective.
+        """Inverse dynamics of the formation, each rank with the values of its own joints; collective.
 
         Parameters
         ----------
         q, v, a
-            This robot's coordinates ``(nq,)``, velocity and acceleration ``(nv,)``, or T samples of them, ``(T, nq)``
+            This rank's coordinates ``(nq,)``, velocities and accelerations ``(nv,)``, or T samples of them, ``(T, nq)``
             and ``(T, nv)``, which travel in the same messages. T is the same on every rank.
         external_force
-            ``[torque; force]`` on this robot's body, in its frame about its origin, ``(6,)`` or ``(T, 6)``, N m and N.
+            ``[torque; force]`` on this rank's body, in its frame about its origin, ``(6,)`` or ``(T, 6)``, N m and N.
+            If there are more bodies than ranks, on its m bodies, ``(m, 6)`` or ``(T, m, 6)``.
 
         Returns
         -------
         InverseDynamics
-            Of this robot's body: ``(6,)`` and ``(nv,)``, or ``(T, 6)`` and ``(T, nv)``.
+            Of this rank's body: ``(6,)`` and ``(nv,)``, or ``(T, 6)`` and ``(T, nv)``. If there are more bodies than
+            ranks, of its m bodies: ``(m, 6)`` and ``(nv,)``, or ``(T, m, 6)`` and ``(T, nv)``.
 
         Raises
         ------
@@ -134,30 +159,36 @@ class DistributedChain:
         """
         error: InputError | None = None
         try:
-            state = check_state(self.body, q, v, a, _own_force(external_force))
+            state = check_state(self.part, q, v, a, self._own_force(external_force))
             if state.samples > self.transport.most_samples:
                 raise InputError(
                     f"q, v, a: got {state.samples} samples, expected at most {self.transport.most_samples} a call "
                     "with this MPI"
                 )
         except InputError as wrong:
-            error, state = wrong, _at_rest(self.body)
+            error, state = wrong, _at_rest(self.part)
         self.transport.begin(state.samples, sound=error is None)
         carrier: Transport = self.trace or self.transport
-        result = METHODS[self.method].solve(self.body, state, self._gravity, self.schedule, carrier)
+        method = METHODS[self.method]
+        if self._block is None:
+            result = method.solve(self.part, state, self._gravity, self.schedule, carrier)
+        else:
+            result = block.solve(method, self._block, state, self._gravity, self.schedule, carrier)
         self.transport.flush()
         # Along a chain a wrong input has reached every rank by now; between the branches of a tree it has not.
         if not (self.transport.sound if self._serial else agree(self._comm, self.transport.sound)):
             raise_together(self._comm, error)
             raise InputError(self._sample_counts(state.samples))
-        cut = 0 if state.single else slice(None)
-        return InverseDynamics(
-            result.velocity[0][cut], result.acceleration[0][cut], result.force[0][cut], result.torque[cut]
-        )
+        at = (slice(None) if self._blocks else 0, 0 if state.single else slice(None))
+        velocity, acceleration, force = (x[at] for x in (result.velocity, result.acceleration, result.force))
+        if self._blocks and not state.single:  # samples first
+            velocity, acceleration, force = (np.swapaxes(x, 0, 1) for x in (velocity, acceleration, force))
+        return InverseDynamics(velocity, acceleration, force, result.torque[at[1]])
 
     def close(self) -> None:
         """Free the duplicate communicator; collective. Closing twice does nothing."""
         if self._comm != MPI.COMM_NULL:
+            self.transport.close()
             self._comm.Free()
 
     def __enter__(self) -> "DistributedChain":
@@ -169,18 +200,25 @@ class DistributedChain:
         self.close()
 
     def _agree(
-        self, chain: Chain | str | Path, method: str, gravity: ArrayLike, samples: int, network: EmulatedNetwork | None
-    ) -> tuple[Chain, Array, Link]:
+        self,
+        chain: Chain | str | Path,
+        method: str,
+        gravity: ArrayLike,
+        counts: Sequence[int] | None,
+        samples: int,
+        network: EmulatedNetwork | None,
+    ) -> tuple[Chain, Array, tuple[int, ...], Link]:
         """Check the arguments on every rank and that they are the same on all."""
         error: InputError | None = None
         digest = bytes(32)
         try:
             field = check_gravity(gravity)
             whole = _read(chain)
-            _check(whole, method, self._comm.Get_size())
+            _check(whole, method)
+            shares = _shares(counts, whole, self._comm.Get_size())
             count("samples", samples)
             link = make_link(self._comm, network)
-            same = f"{whole.digest()} {method} {field.tolist()} {samples} {network}"
+            same = f"{whole.digest()} {method} {field.tolist()} {shares} {samples} {network}"
             digest = hashlib.sha256(same.encode()).digest()
         except InputError as wrong:
             error = wrong
@@ -188,10 +226,21 @@ class DistributedChain:
         root = np.frombuffer(digest, dtype=np.uint8).copy()
         wait(self._comm.Ibcast(root, 0))
         if root.tobytes() != digest:
-            what = "chain, method, gravity, samples, network"
+            what = "chain, method, gravity, counts, samples, network"
             error = InputError(f"{what}: differ from those of rank 0, expected the same on every rank")
         raise_together(self._comm, error)
-        return whole, field, link
+        return whole, field, shares, link
+
+    def _own_force(self, external: ArrayLike | None) -> Array | None:
+        """Give forces on this rank's bodies the shape of those of a chain."""
+        if external is None:
+            return None
+        force = numbers("external_force", external)
+        wanted = (len(self.part), 6) if self._blocks else (6,)
+        if force.ndim - len(wanted) not in (0, 1) or force.shape[-len(wanted) :] != wanted:
+            many = str(("T", *wanted)).replace("'", "")
+            raise InputError(f"external_force: got shape {force.shape}, expected {wanted} or {many}")
+        return force if self._blocks else force[..., None, :]
 
     def _sample_counts(self, samples: int) -> str:
         counts = self._comm.allgather(samples)
@@ -206,16 +255,31 @@ def _read(chain: Chain | str | Path) -> Chain:
     return Chain.load(chain) if Path(chain).suffix == ".npz" else Chain.from_urdf(chain)
 
 
-def _check(chain: Chain, method: str, ranks: int) -> None:
+def _check(chain: Chain, method: str) -> None:
     if not isinstance(chain, Chain):
         raise InputError(f"chain: got {type(chain).__name__}, expected an mp2a.Chain")
     if method not in (AUTO, *METHODS):
         raise InputError(f"method: got {method!r}, expected one of {', '.join(map(repr, (AUTO, *METHODS)))}")
-    if len(chain) != ranks:
-        raise InputError(f"chain: got {len(chain)} bodies for a communicator of {ranks} ranks, expected one a rank")
 
 
-def _choose(link: Link, chain: Chain, samples: int) -> Choice:
+def _shares(counts: Sequence[int] | None, chain: Chain, ranks: int) -> tuple[int, ...]:
+    """Check how many bodies each rank is to hold."""
+    n = len(chain)
+    if n < ranks:
+        raise InputError(f"chain: got {n} bodies for a communicator of {ranks} ranks, expected at least one a rank")
+    if n > ranks and not chain.is_serial:
+        raise InputError(f"chain: got a tree of {n} bodies for a communicator of {ranks} ranks, expected one a rank")
+    if counts is None:
+        return block.share(n, ranks)
+    given = array("counts", counts, (None,), whole=True).tolist()
+    if len(given) != ranks or min(given) < 1 or sum(given) != n:
+        raise InputError(
+            f"counts: got {given}, expected {ranks} whole numbers of at least 1, one a rank, with the sum {n} of bodies"
+        )
+    return tuple(given)
+
+
+def _choose(link: Link, nodes: Formation, samples: int) -> Choice:
     """Choose a method on rank 0 for what messages cost between ranks 0 and 1, and tell all."""
     if isinstance(link, EmulatedLink):
         latency, bandwidth = link.network
@@ -225,17 +289,7 @@ def _choose(link: Link, chain: Chain, samples: int) -> Choice:
         bandwidth = 64 * (_LARGE - _SMALL) / max(slow - latency, 1e-9)
     cost = np.array([latency, bandwidth])
     wait(link.comm.Ibcast([cost, MPI.DOUBLE], 0))
-    return choose(chain.parents, samples, float(cost[0]), float(cost[1]))
-
-
-def _own_force(external: ArrayLike | None) -> Array | None:
-    """One robot's forces in the shape of a chain of one."""
-    if external is None:
-        return None
-    force = numbers("external_force", external)
-    if force.ndim not in (1, 2) or force.shape[-1] != 6:
-        raise InputError(f"external_force: got shape {force.shape}, expected (6,) or (T, 6)")
-    return force[..., None, :]
+    return choose(nodes, samples, float(cost[0]), float(cost[1]))
 
 
 def _at_rest(body: Chain) -> State:

@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike, DTypeLike
 from mp2a.chain import Chain
 from mp2a.checks import count
 from mp2a.exceptions import InputError
-from mp2a.kernels import batch, long
 from mp2a.kernels.plan import FORMATS
-from mp2a.leaf import State, check_gravity, check_shapes, check_values
-from mp2a.methods import METHODS, InverseDynamics, serial
+from mp2a.leaf import check_gravity, check_shapes, check_values
+from mp2a.methods import METHODS, InverseDynamics
+from mp2a.recursion import recursion
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.local import LocalTransport
 
@@ -115,28 +115,14 @@ def rnea(
     state = check_shapes(chain, q, v, a, external_forces)
     field = check_gravity(gravity)
     target = None if out is None else _target(out, (state.samples, chain.nv), state.single, form)
-    result = None
     if method == "serial":
-        base = np.concatenate((np.zeros(6), -field, np.zeros(3)))
-        if form == np.float64 and long.fits(chain, state.samples):
-            result = long.recursion(chain, state, base, bodies=bodies, threads=threads)
-        else:
-            result = batch.recursion(chain, state, base, bodies=bodies, threads=threads, dtype=form, out=target)
-    if result is None or not result.sound:
-        return _checked(chain, state, field, method, bodies, form, target)
-    return _report(result.torque, result.bodies, state.single)
-
-
-def _checked(
-    chain: Chain, state: State, gravity: Array, method: str, bodies: bool, form: np.dtype, target: Array | None
-) -> Array | InverseDynamics:
-    """Look at the numbers of the input, and use what takes any that are sound."""
+        base = np.zeros(12)
+        base[6:9] -= field
+        found = recursion(chain, state, base, bodies=bodies, threads=threads, dtype=form, out=target)
+        return _report(found.torque, found.bodies, state.single)
     check_values(chain, state)
-    if method == "serial":
-        made = serial(chain, state, gravity)
-    else:
-        chosen = METHODS[method]
-        made = chosen.solve(chain, state, gravity, chosen.schedule(chain.parents), LocalTransport(len(chain)))
+    chosen = METHODS[method]
+    made = chosen.solve(chain, state, field, chosen.schedule(chain.parents), LocalTransport(len(chain)))
     torque = made.torque.astype(form, copy=False)
     if target is not None:
         target[...] = torque

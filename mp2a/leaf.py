@@ -8,9 +8,11 @@ from numpy.typing import ArrayLike
 from mp2a.chain import Chain
 from mp2a.checks import array, numbers
 from mp2a.exceptions import InputError
-from mp2a.spatial import Array, apply
+from mp2a.spatial import GRAVITY, Array, apply
 
 _UNIT_TOLERANCE = 1e-6
+_EARTH = np.array(GRAVITY)
+_EARTH.flags.writeable = False
 
 
 class State(NamedTuple):
@@ -67,15 +69,14 @@ def check_shapes(chain: Chain, q: ArrayLike, v: ArrayLike, a: ArrayLike, externa
     InputError
         Naming the argument, what was given and what was expected.
     """
-    arrays = {}
-    for name, value, width in (("q", q, chain.nq), ("v", v, chain.nv), ("a", a, chain.nv)):
-        arrays[name] = numbers(name, value)
-        if arrays[name].ndim not in (1, 2) or arrays[name].shape[-1] != width:
-            raise InputError(f"{name}: got shape {arrays[name].shape}, expected ({width},) or (T, {width})")
-    shapes = {name: array.shape[:-1] for name, array in arrays.items()}
-    if len(set(shapes.values())) > 1:
-        given = ", ".join(f"{name} has {shape[0] if shape else 'no'} samples" for name, shape in shapes.items())
-        raise InputError(f"q, v, a: got different numbers of samples ({given}), expected the same for all")
+    arrays = {"q": numbers("q", q), "v": numbers("v", v), "a": numbers("a", a)}
+    for (name, given), width in zip(arrays.items(), (chain.nq, chain.nv, chain.nv), strict=True):
+        if given.ndim not in (1, 2) or given.shape[-1] != width:
+            raise InputError(f"{name}: got shape {given.shape}, expected ({width},) or (T, {width})")
+    if not arrays["q"].shape[:-1] == arrays["v"].shape[:-1] == arrays["a"].shape[:-1]:
+        shapes = {name: array.shape[:-1] for name, array in arrays.items()}
+        told = ", ".join(f"{name} has {shape[0] if shape else 'no'} samples" for name, shape in shapes.items())
+        raise InputError(f"q, v, a: got different numbers of samples ({told}), expected the same for all")
     single = arrays["q"].ndim == 1
     samples = 1 if single else len(arrays["q"])
     if samples == 0:
@@ -131,7 +132,7 @@ def joint_torque(chain: Chain, force: Array) -> Array:
 
 def check_gravity(gravity: ArrayLike) -> Array:
     """Check the gravity field, ``(3,)`` m/s² in the base frame."""
-    return array("gravity", gravity, (3,))
+    return _EARTH if gravity is GRAVITY else array("gravity", gravity, (3,))
 
 
 def _check_finite(chain: Chain, columns: dict[str, Array]) -> None:

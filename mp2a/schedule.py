@@ -17,6 +17,9 @@ Formation = int | Nodes
 MOTION, FORCE = "motion", "force"
 """Kinds of messages of all schedules but the paper's."""
 
+TAIL, SHIFT = "tail", "shift"
+"""Kind of message and name of the recurrence in front of all others if nodes are blocks."""
+
 
 class Transfer(NamedTuple):
     """All messages of one kind in a round."""
@@ -147,6 +150,13 @@ def relay(formation: Formation) -> Schedule:
     out = _numbered("motion", [(_transfer(MOTION, [i - 1], [i]),) for i in range(1, n)])
     back = _numbered("force", [(_transfer(FORCE, [n - i], [n - i - 1]),) for i in range(1, n)])
     return Schedule(n, (*out, *back))
+
+
+def shifted(schedule: Schedule) -> Schedule:
+    """Put a round in front in which each block of a chain hands the path to its tail to the next."""
+    nodes = np.arange(schedule.nodes)
+    shift = [(Transfer(TAIL, nodes[:-1], nodes[1:]),)] if schedule.nodes > 1 else []
+    return Schedule(schedule.nodes, (*_numbered(SHIFT, shift), *schedule.rounds))
 
 
 def ancestors(parents: Nodes) -> list[Nodes]:

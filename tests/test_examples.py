@@ -25,11 +25,13 @@ def test_example(example):
     assert len(done.stdout.splitlines()) >= 3
 
 
-@pytest.mark.parametrize("page", ["docs/tutorial.md", "README.md"])
+@pytest.mark.parametrize("page", ["docs/tutorial.md", "docs/choreography.md", "docs/simulator.md", "README.md"])
 def test_python_of_a_page(page):
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), flags=re.S)
     assert blocks
-    subprocess.run([sys.executable, "-c", "\n".join(blocks)], check=True, timeout=120, stdout=subprocess.DEVNULL)
+    subprocess.run(
+        [sys.executable, "-c", "\n".join(blocks)], check=True, timeout=120, stdout=subprocess.DEVNULL, cwd=ROOT
+    )
 
 
 def test_links_between_the_docs_lead_somewhere():

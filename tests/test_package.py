@@ -15,10 +15,13 @@ MODULES = sorted(ROOT.rglob("*.py"))
 # From the bottom to the top; what is not named here stands above all of it.
 LAYERS = (
     "exceptions", "checks", "cores", "network", "spatial", "joints", "readers", "chain", "leaf", "segments",
-    "kernels", "schedule", "transport", "methods", "dynamics", "distributed", "launch", "reference", "model", "bench",
-    "plot", "cli",
+    "kernels", "recursion", "schedule", "transport", "methods", "dynamics", "distributed", "arrangement", "formation",
+    "launch", "reference", "model", "bench", "simulator", "plot", "cli",
 )  # fmt: skip
-NOT_ON_A_RANK = ("matplotlib", "pinocchio", "rich", "typer", "click", "argparse", "mujoco", "scipy", "numba")
+NOT_ON_A_RANK = (
+    "matplotlib", "pinocchio", "rich", "typer", "click", "argparse", "mujoco", "scipy", "numba",
+    "shapely", "foxglove", "tomllib", "tomli", "lark",
+)  # fmt: skip
 
 
 def layer(module):
@@ -61,6 +64,7 @@ def loaded_by(statement):
         "import mp2a; mp2a.Chain.uniform(4).random_state(body=2); mp2a.InputError; mp2a.InverseDynamics",
         "import mp2a; c = mp2a.Chain.uniform(4); mp2a.rnea(c, *c.random_state(), method='kogge-stone')",
         "import mp2a.distributed",
+        "import mp2a, mp2a.formation.robot_models",
         "from mpi4py import MPI; import mp2a; c = mp2a.Chain.uniform(1)\n"
         "with mp2a.DistributedChain(MPI.COMM_SELF, c) as d: d.rnea(*c.random_state())",
     ],

@@ -10,9 +10,21 @@ from hypothesis import strategies as st
 
 from mp2a import Chain, InputError
 from mp2a.leaf import check_state
-from mp2a.methods import METHODS
+from mp2a.methods import METHODS, block
 from mp2a.methods.cost import cost
-from mp2a.schedule import FORCE, MOTION, SCHEDULES, compact, kogge_stone, relay, rounds_needed, sweep
+from mp2a.schedule import (
+    FORCE,
+    MOTION,
+    SCHEDULES,
+    SHIFT,
+    TAIL,
+    compact,
+    kogge_stone,
+    relay,
+    rounds_needed,
+    shifted,
+    sweep,
+)
 from mp2a.segments.affine import DOUBLES, MATRIX_AND_VECTOR, VECTOR
 from mp2a.transport.local import LocalTransport
 
@@ -229,7 +241,26 @@ def test_along_a_chain_every_rank_learns_of_a_wrong_one(name, n, data):
     broken[data.draw(st.integers(0, n - 1))] = True
     assert ranks_that_know(schedule, np.ones(n), broken).all()
     samples = np.array(data.draw(st.lists(st.integers(1, 3), min_size=n, max_size=n)))
-    assert ranks_that_know(schedule, samples, np.zeros(n, dtype=bool)).all() == (len(set(samples)) > 1)
+    differ = len(set(samples)) > 1
+    assert ranks_that_know(schedule, samples, np.zeros(n, dtype=bool)).all() == differ
+    assert ranks_that_know(shifted(schedule), np.ones(n), broken).all()
+    assert ranks_that_know(shifted(schedule), samples, np.zeros(n, dtype=bool)).all() == differ
+
+
+@pytest.mark.parametrize("name", METHODS)
+@given(n=st.integers(1, 70))
+def test_blocks_need_one_round_and_a_path_a_rank_more(name, n):
+    schedule, doubles = METHODS[name].schedule(n), METHODS[name].doubles | block.DOUBLES
+    without, count = schedule.count(doubles), shifted(schedule).count(doubles)
+    assert count.rounds == without.rounds + (n > 1)
+    assert count.total == without.total + n - 1
+    assert count.messages.get(TAIL, 0) == n - 1
+    assert count.doubles == without.doubles + 24 * (n - 1)
+    for round_ in shifted(schedule).recurrence(SHIFT):
+        ((_, source, target),) = round_.transfers
+        assert sorted(target) == list(range(1, n))
+        assert (source == target - 1).all()
+    assert shifted(schedule).rounds[min(n - 1, 1) :] == schedule.rounds
 
 
 @pytest.mark.parametrize("name", SCHEDULES)

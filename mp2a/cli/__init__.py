@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 from mp2a import __version__
 from mp2a.bench.settings import ERROR
-from mp2a.cli import bench, model, plot, schedule, trace
+from mp2a.cli import bench, check, model, plot, schedule, trace
 from mp2a.exceptions import InputError, MissingError
 
-_SUBCOMMANDS = (bench, plot, model, schedule, trace)
+_SUBCOMMANDS = (bench, check, plot, model, schedule, trace)
 _INTERRUPTED = 130
 
 
@@ -18,7 +18,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line; returns the exit status."""
     options = _parser().parse_args(arguments)
     try:
-        options.run(options)
+        return options.run(options) or 0
     except (InputError, MissingError) as error:
         return _fail(str(error))
     except KeyboardInterrupt:
@@ -26,7 +26,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _INTERRUPTED
     except BrokenPipeError:
         return 0
-    return 0
 
 
 def _fail(message: str) -> int:

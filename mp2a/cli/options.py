@@ -15,9 +15,9 @@ WIDTH = 136
 
 
 def command(
-    commands: Any, name: str, run: Callable[[argparse.Namespace], None], summary: str, examples: str
+    commands: Any, name: str, run: Callable[[argparse.Namespace], int | None], summary: str, examples: str
 ) -> argparse.ArgumentParser:
-    """Add a subcommand with a summary and examples; ``run`` gets the options."""
+    """Add a subcommand with a summary and examples; ``run`` gets the options and may return an exit status."""
     parser: argparse.ArgumentParser = commands.add_parser(
         name,
         help=summary,

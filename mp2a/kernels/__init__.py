@@ -9,7 +9,7 @@ versions do the work; `status` says why.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,16 @@ def compiled(name: str) -> Run | None:
 def pointer(array: NDArray[Any]) -> int:
     """Address of the pointer to an array's numbers, for kernels; the array has to live on."""
     return id(array) + _POINTER
+
+
+STEPS = ("start", "await", "compose", "move", "carry", "add", "product", "push")
+"""What `rounds` can do, in the order of the numbers that mean it."""
+
+
+def rounds() -> Callable[[int, int, int], int] | None:
+    """Return what runs recorded rounds without the interpreter (``rounds.c``), or None without compiled kernels."""
+    load()
+    return cast("Callable[[int, int, int], int] | None", _run.get("rounds"))
 
 
 def _load(*, patient: bool) -> Status:

@@ -8,9 +8,40 @@ from typing import Any
 Numbers = tuple[Any, ...]
 
 
+class Zero:
+    """A zero that formulas know of, so that nothing is computed with it."""
+
+    def __add__(self, other: Any) -> Any:
+        return other
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Any:
+        return -other
+
+    def __rsub__(self, other: Any) -> Any:
+        return other
+
+    def __mul__(self, other: Any) -> "Zero":
+        return self
+
+    __rmul__ = __mul__
+
+    def __neg__(self) -> "Zero":
+        return self
+
+
+ZERO = Zero()
+
+
 def add(a: Numbers, b: Numbers) -> Numbers:
     """Return ``a + b``."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def sub(a: Numbers, b: Numbers) -> Numbers:
+    """Return ``a - b``."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 def scaled(a: Numbers, b: Numbers, s: Any) -> Numbers:

@@ -20,8 +20,8 @@ from mp2a.spatial import Array
 _WORTH_A_THREAD = 20_000
 """Bodies times samples from which on another thread gains more than waking it takes."""
 
-_PIECES = 4
-"""Pieces of the work for each thread, so that one that is held up leaves some to the others."""
+_PIECES = 8
+"""Most pieces of the work for each thread, so that one that is held up leaves some to the others."""
 
 
 class Result(NamedTuple):
@@ -36,6 +36,17 @@ class Result(NamedTuple):
     sound: bool
     """Whether every sample is as it should be; else some input is not finite, a quaternion not of length 1, an angle
     too large for the kernel, or a result not finite."""
+
+
+class Segment(NamedTuple):
+    """What the bodies of a chain amount to."""
+
+    path: Array
+    """From what the chain hangs on to the last body, ``(T, 24)``, as `mp2a.segments.motion` has it."""
+    load: Array | None
+    """About what the chain hangs on, ``(T, 28)``, as `mp2a.segments.load` has it, if asked for."""
+    sound: bool
+    """As in `Result`, where the numbers can be told from a path."""
 
 
 def recursion(
@@ -69,7 +80,7 @@ def recursion(
     dtype
         Number format of the arithmetic and of the result, double or single.
     out
-        Where to put the torque, ``(T, nv)`` of this format.
+        Where to put the torque, ``(T, nv)`` of this format, if it is laid out as the input and does not overlap it.
 
     Returns
     -------
@@ -80,45 +91,91 @@ def recursion(
     run = kernels.compiled(f"rnea_{form.name}" + ("_bodies" if bodies else ""))
     if run is None:
         return None
-    samples, lanes = state.samples, form.lanes
-    columnwise = samples >= lanes and all(_fits(x, True) for x in (state.q, state.v, state.a))
-    q, v, a = (_laid_out(x, form.dtype, columnwise) for x in (state.q, state.v, state.a))
+    samples, given = state.samples, _input(state, form)
     torque = out
-    if torque is None or not _fits(torque, columnwise) or any(np.may_share_memory(torque, x) for x in (q, v, a)):
-        torque = np.empty((samples, chain.nv), form.dtype, order="F" if columnwise else "C")
+    if torque is None or not _fits(torque, given.columnwise) or any(np.may_share_memory(torque, x) for x in given.held):
+        torque = np.empty((samples, chain.nv), form.dtype, order="F" if given.columnwise else "C")
     base = np.ascontiguousarray(base, form.dtype)
     tip = np.zeros(6, form.dtype) if tip is None else np.ascontiguousarray(tip, form.dtype)
-    external = None if state.external is None else _rowwise(state.external, form.dtype)
-    plan = _plan(chain, form, bodies)
-    chunks = -(-samples // lanes)
-    padded = chunks * lanes
+    padded = -(-samples // form.lanes) * form.lanes
     output = np.empty((len(chain), 18, padded) if bodies else 0, form.dtype)
     root = np.empty((6, padded), form.dtype)
-    at, size, along = kernels.pointer, form.dtype.itemsize, 1 if columnwise else 0
-    job: NDArray[np.int64] = np.array(
-        Job(
-            len(chain), samples, chain.nq, chain.nv, columnwise, at(plan.hot), at(plan.frames), at(plan.topology),
-            at(base), 12 * (base.ndim - 1), at(tip), 6 * (tip.ndim - 1),
-            *((0, 0, 0) if external is None else _places(external)),
-            at(q), q.strides[along] // size, at(v), v.strides[along] // size, at(a), a.strides[along] // size,
-            at(torque), torque.strides[along] // size, at(output), padded, at(root), 0,
-        ),
-        dtype=np.int64,
-    )  # fmt: skip
-    sound = _run(run, job, plan.scratch, form.dtype, chunks, _threads(threads, len(chain) * samples, chunks))
-    if out is not None and torque is not out:
-        out[...] = torque
-        torque = out
+    at = kernels.pointer
+    ends = at(base), 12 * (base.ndim - 1), at(tip), 6 * (tip.ndim - 1)
+    results = at(torque), _stride(torque, given.columnwise), at(output), padded, at(root), 0
+    sound = _run(run, chain, given, ends, results, form, threads, bodies=bodies)
     return Result(torque, output[..., :samples] if bodies else None, root[:, :samples], sound)
 
 
-def _run(run: Run, job: NDArray[np.int64], scratch: int, dtype: np.dtype, chunks: int, threads: int) -> bool:
-    """Run a job in some threads; tells whether all samples are sound."""
-    pieces = 1 if threads == 1 else min(_PIECES * threads, chunks)
+def segment(chain: Chain, state: State, *, load: bool, threads: int | None = None) -> Segment | None:
+    """Put the bodies of a serial chain together; see `mp2a.kernels.reach`.
+
+    Parameters
+    ----------
+    chain, state, threads
+        As `recursion` takes them.
+    load
+        Whether the load is asked for, not the path alone.
+
+    Returns
+    -------
+    Segment or None
+        None if there are no compiled kernels.
+    """
+    run, form = kernels.compiled("reach"), FORMATS[np.dtype(np.float64)]
+    if run is None:
+        return None
+    samples, given = state.samples, _input(state, form)
+    padded = -(-samples // form.lanes) * form.lanes
+    path, below = np.empty((24, padded)), np.empty((28, padded)) if load else None
+    at = kernels.pointer
+    # The kernel has no torque to write, but looks where it would be.
+    results = at(given.held[0]), 0, at(path), padded, 0 if below is None else at(below), 0
+    sound = _run(run, chain, given, (0, 0, 0, 0), results, form, threads, bodies=False)
+    whole, under = (None if x is None else np.ascontiguousarray(x[:, :samples].T) for x in (path, below))
+    assert whole is not None
+    return Segment(whole, under, sound)
+
+
+class _Input(NamedTuple):
+    """Input as kernels take it."""
+
+    columnwise: bool
+    numbers: tuple[int, ...]
+    """Of a `Job`, from ``external`` to ``a_stride``."""
+    held: tuple[Array, ...]
+    """Arrays that have to live as long as the job: q, v, a, and the external wrenches if there are any."""
+
+
+def _input(state: State, form: Format) -> _Input:
+    columnwise = state.samples >= form.lanes and all(_fits(x, True) for x in (state.q, state.v, state.a))
+    held = tuple(_laid_out(x, form.dtype, columnwise) for x in (state.q, state.v, state.a))
+    places: tuple[int, ...] = (0, 0, 0)
+    strided = [number for x in held for number in (kernels.pointer(x), _stride(x, columnwise))]
+    if state.external is not None:
+        external = _rowwise(state.external, form.dtype)
+        places, held = _places(external), (*held, external)
+    return _Input(columnwise, (*places, *strided), held)
+
+
+def _run(
+    run: Run, chain: Chain, given: _Input, ends: tuple[int, ...], results: tuple[int, ...], form: Format,
+    threads: int | None, *, bodies: bool,
+) -> bool:  # fmt: skip
+    """Run a kernel in some threads; tells whether all samples are sound."""
+    samples = len(given.held[0])
+    chunks, work_there_is = -(-samples // form.lanes), len(chain) * samples
+    threads = _threads(threads, work_there_is, chunks)
+    pieces = 1
+    if threads > 1:
+        pieces = min(chunks, threads * max(1, min(_PIECES, work_there_is // (threads * _WORTH_A_THREAD))))
+    plan, at = _plan(chain, form, bodies), kernels.pointer
+    tables = at(plan.hot), at(plan.frames), at(plan.topology)
+    sizes = len(chain), samples, chain.nq, chain.nv, given.columnwise
+    job: NDArray[np.int64] = np.array(Job._make((*sizes, *tables, *ends, *given.numbers, *results)), dtype=np.int64)
 
     def work(numbers: Iterator[int]) -> bool:
-        memory, verdict = np.empty(scratch, dtype), np.zeros(1, np.int64)
-        at = kernels.pointer
+        memory, verdict = np.empty(plan.scratch, form.dtype), np.zeros(1, np.int64)
         for k in numbers:
             run(at(job), k * chunks // pieces, (k + 1) * chunks // pieces, at(memory), at(verdict))
         return not verdict[0]
@@ -166,3 +223,7 @@ def _rowwise(external: Array, dtype: np.dtype) -> Array:
 def _places(external: Array) -> tuple[int, int, int]:
     body, sample, _ = (stride // external.itemsize for stride in external.strides)
     return kernels.pointer(external), body, sample if external.shape[1] > 1 else 0
+
+
+def _stride(array: Array, columnwise: bool) -> int:
+    return array.strides[1 if columnwise else 0] // array.itemsize

@@ -27,9 +27,9 @@ from typing import Any
 import mp2a
 from mp2a.cores import usable_cores
 
-Run = Callable[..., None]
+Run = Callable[..., int | None]
 """A kernel. Those of segments are ``f(count, out, *inputs)``: number of samples, and for each array the address of the
-pointer to its numbers; for the others see `mp2a.kernels.recursion`."""
+pointer to its numbers; for "rounds" see ``rounds.c``, for the others `mp2a.kernels.recursion`."""
 
 ARGUMENTS = {
     "compose": "nppp",
@@ -40,6 +40,7 @@ ARGUMENTS = {
         (
             "rnea_double", "rnea_double_bodies", "rnea_single", "rnea_single_bodies",
             "rnea_lanes", "rnea_lanes_bodies", "reach",
+            "reach_lanes",
         ),
         "nnnnn",
     ),
@@ -131,7 +132,7 @@ def _checksum(*contents: bytes) -> str:
 
 def _purpose() -> str:
     """Name what a shared object has to be made for: this processor, and this version of the kernels."""
-    sources = [path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py"))]
+    sources = [path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.[cp]*"))]
     target = _processor(), platform.machine(), os.environ.get(CPU_FEATURES, ""), mp2a.__version__
     return _checksum(*(word.encode() for word in target), *sources)
 
@@ -176,6 +177,9 @@ def _open(path: Path) -> dict[str, Run]:
         kernels[name] = library[f"mp2a_{name}"]
         kernels[name].argtypes = [ctypes.c_ssize_t if kind == "n" else ctypes.c_void_p for kind in arguments]
         kernels[name].restype = None
+    kernels["rounds"] = library["mp2a_rounds"]
+    kernels["rounds"].argtypes = [ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_ssize_t]
+    kernels["rounds"].restype = ctypes.c_longlong
     return dict(kernels)
 
 
@@ -277,14 +281,13 @@ def make(folder: str, stem: str) -> None:
     from multiprocessing import get_context
 
     with tempfile.TemporaryDirectory(dir=folder, prefix="building-") as workshop:
-        objects, whole = [], Path(workshop) / "kernels.so"
+        objects, whole = [Path(__file__).with_name("rounds.c")], Path(workshop) / "kernels.so"
         with ProcessPoolExecutor(usable_cores(), mp_context=get_context("fork")) as processes:
             for name, code in zip(ARGUMENTS, processes.map(machine_code, ARGUMENTS), strict=True):
                 objects.append(Path(workshop) / f"{name}.o")
                 objects[-1].write_bytes(code)
-        done = subprocess.run(
-            [_linker(), "-shared", "-o", str(whole), *map(str, objects)], capture_output=True, text=True, check=False
-        )
+        command = [_linker(), "-shared", "-fPIC", "-O3", "-o", str(whole), *map(str, objects)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             raise UnavailableError(f"linking failed: {(done.stderr.strip().splitlines() or [''])[-1]}")
         whole.replace(Path(folder) / f"{stem}-{_checksum(whole.read_bytes())}.so")

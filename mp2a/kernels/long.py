@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mp2a import cores, kernels
 from mp2a.chain import Chain
-from mp2a.kernels.batch import Result
+from mp2a.kernels.batch import Result, Segment
 from mp2a.kernels.library import Run
 from mp2a.kernels.plan import FORMATS, Job, Plan, lay_out_screws, make_plan
 from mp2a.kernels.threads import share
@@ -44,6 +44,8 @@ class Cut(NamedTuple):
     """Of each block."""
     scratch: int
     """Numbers of scratch memory of a group."""
+    last: Array
+    """``(3, 3)``: frame of the last body's tables to the user's."""
     spare: list[Array]
     """Scratch memory of earlier calls: new memory takes the system longer to give than the kernels take to fill."""
 
@@ -60,62 +62,114 @@ class Cut(NamedTuple):
 
 def fits(chain: Chain, samples: int) -> bool:
     """Tell whether a chain is cut: one sample, long, without branches, and one degree of freedom a joint."""
-    return samples == 1 and len(chain) >= WORTH_IT and chain.is_serial and set(chain.joints) <= set(_SINGLE_DEGREE)
+    if samples != 1 or len(chain) < WORTH_IT or not chain.is_serial:
+        return False
+    return all(group.joint.name in _SINGLE_DEGREE for group in chain.groups)
 
 
-def recursion(chain: Chain, state: State, base: Array, *, bodies: bool, threads: int | None) -> Result | None:
+def recursion(
+    chain: Chain, state: State, base: Array, tip: Array | None = None, *, bodies: bool, threads: int | None
+) -> Result | None:
     """Inverse dynamics of one sample of a chain that `fits`; as `mp2a.kernels.batch.recursion`."""
-    reach, run = kernels.compiled("reach"), kernels.compiled("rnea_lanes" + ("_bodies" if bodies else ""))
+    reach, run = kernels.compiled("reach_lanes"), kernels.compiled("rnea_lanes" + ("_bodies" if bodies else ""))
     if reach is None or run is None:
         return None
-    n = len(chain)
-    threads = cores.share() if threads is None else threads
-    cut = _cut(chain, max(threads, -(-n // (_LANES * _LONGEST))), bodies)
-    groups, length = cut.groups, cut.length
-    places = groups * _LANES * length
-    angles, sound = _angles(chain, state.q[0])
-    q, v, a = (_filled(x, places) for x in (angles, state.v[0], state.a[0]))
-    external = None if state.external is None else _filled(np.ascontiguousarray(state.external[:, 0]), places)
-    torque, root = np.empty(places), np.empty((groups, 6, _LANES))
-    paths = np.empty((groups, 24, _LANES))
+    work = _prepare(chain, state, threads, bodies=bodies)
+    groups, length = work.cut.groups, work.cut.length
+    paths, root = np.empty((groups, 24, _LANES)), np.empty((groups, 6, _LANES))
     output = np.empty((groups, length, 18, _LANES) if bodies else (groups, 0))
-    scratch = cut.spare.pop() if cut.spare else np.empty((groups, cut.scratch))
-    tips, verdicts = np.zeros((groups, _LANES, 6)), np.zeros((groups, 1), np.int64)
-    bases = np.empty((groups, _LANES, 12))
-    cells = q.reshape(groups, -1), v.reshape(groups, -1), a.reshape(groups, -1), torque.reshape(groups, -1)
-
-    def through(kernel: Run, output: Array, again: int = 0) -> None:
-        """Run a kernel on all groups."""
-
-        def work(pieces: Iterator[int]) -> None:
-            at = kernels.pointer
-            for k in pieces:
-                # The arrays have to live as long as the kernel runs, so they have names.
-                hot, frames, topology, base, tip = cut.hot[k], cut.frames[k], cut.topology, bases[k], tips[k]
-                lists, out, wrench = [cell[k] for cell in cells], output[k], root[k]
-                forces = None if external is None else external[k * _LANES * length :]
-                strided = [number for cell in lists for number in (at(cell), length)]
-                outside = (0, 0, 0) if forces is None else (at(forces), 6, 6 * length)
-                tables = at(hot), at(frames), at(topology), at(base), 12, at(tip), 6
-                numbers = (length, _LANES, length, length, 0, *tables, *outside, *strided, at(out), _LANES, at(wrench))
-                job: NDArray[np.int64] = np.array(Job._make((*numbers, again)), dtype=np.int64)
-                memory, verdict = scratch[k], verdicts[k]
-                kernel(at(job), 0, 1, at(memory), at(verdict))
-
-        share(work, groups, min(threads, groups))
-
-    through(reach, paths)
-    steps = _paths(paths)
-    bases[...] = _bases(base, steps).reshape(groups, _LANES, 12)
-    through(run, output)
-    passed = _passed(steps, root.swapaxes(1, 2).reshape(-1, 6))
-    tips[...] = passed[1:].reshape(groups, _LANES, 6)
-    through(run, output, again=1)
-    cut.spare.append(scratch)
-    rows = None
+    _through(work, reach, paths, None)
+    steps = np.ascontiguousarray(paths.swapaxes(1, 2).reshape(-1, 24))
+    work.bases[...] = _bases(np.reshape(base, 12), steps).reshape(groups, _LANES, 12)
+    _through(work, run, output, root)
+    last = np.zeros(6) if tip is None else -(tip.reshape(2, 3) @ work.cut.last).ravel()
+    passed = _passed(steps, root.swapaxes(1, 2).reshape(-1, 6), last)
+    work.tips[...] = passed[1:].reshape(groups, _LANES, 6)
+    _through(work, run, output, root, again=1)
+    work.cut.spare.append(work.scratch)
+    n, rows = len(chain), None
     if bodies:
-        rows = output.transpose(0, 3, 1, 2).reshape(places, 18)[:n, :, None]
-    return Result(torque[None, :n], rows, passed[0][:, None], sound and not verdicts.any())
+        rows = output.transpose(0, 3, 1, 2).reshape(-1, 18)[:n, :, None]
+    torque = work.columns[3].reshape(-1)
+    return Result(torque[None, :n], rows, passed[0][:, None], work.sound and not work.verdicts.any())
+
+
+def segment(chain: Chain, state: State, *, load: bool, threads: int | None = None) -> Segment | None:
+    """Put the bodies of a chain that `fits` together; as `mp2a.kernels.batch.segment`."""
+    reach = kernels.compiled("reach_lanes")
+    if reach is None:
+        return None
+    work = _prepare(chain, state, threads, bodies=False)
+    paths = np.empty((work.cut.groups, 24, _LANES))
+    loads = np.empty((work.cut.groups, 28, _LANES)) if load else None
+    _through(work, reach, paths, loads)
+    work.cut.spare.append(work.scratch)
+    steps = np.ascontiguousarray(paths.swapaxes(1, 2).reshape(-1, 24))
+    whole = steps[0]
+    for path in steps[1:]:
+        whole = kernels.compose(whole, path)
+    turn = np.zeros(24)
+    turn[:9] = work.cut.last.T.ravel()
+    whole = kernels.compose(whole, turn)
+    below = None
+    if loads is not None:
+        parts = np.ascontiguousarray(loads.swapaxes(1, 2).reshape(-1, 28))
+        below = parts[-1]
+        for path, part in zip(steps[-2::-1], parts[-2::-1], strict=True):
+            below = part + kernels.move(below, path)
+    return Segment(whole[None], None if below is None else below[None], work.sound and not work.verdicts.any())
+
+
+class _Work(NamedTuple):
+    """What the passes over the blocks share."""
+
+    cut: Cut
+    threads: int
+    columns: tuple[Array, ...]
+    """q, v, a and the torque, ``(groups, bodies of a group)``."""
+    external: Array | None
+    bases: Array
+    tips: Array
+    scratch: Array
+    verdicts: NDArray[np.int64]
+    sound: bool
+
+
+def _prepare(chain: Chain, state: State, threads: int | None, *, bodies: bool) -> _Work:
+    threads = cores.share() if threads is None else threads
+    cut = _cut(chain, max(threads, -(-len(chain) // (_LANES * _LONGEST))), bodies)
+    groups = cut.groups
+    places = groups * _LANES * cut.length
+    angles, sound = _angles(chain, state.q[0])
+    columns = *(_filled(x, places) for x in (angles, state.v[0], state.a[0])), np.empty(places)
+    external = None if state.external is None else _filled(np.ascontiguousarray(state.external[:, 0]), places)
+    scratch = cut.spare.pop() if cut.spare else np.empty((groups, cut.scratch))
+    bases, tips = np.zeros((groups, _LANES, 12)), np.zeros((groups, _LANES, 6))
+    cells = tuple(x.reshape(groups, -1) for x in columns)
+    return _Work(cut, threads, cells, external, bases, tips, scratch, np.zeros((groups, 1), np.int64), sound)
+
+
+def _through(work: _Work, kernel: Run, output: Array, root: Array | None, again: int = 0) -> None:
+    """Run a kernel on all groups."""
+    cut, length = work.cut, work.cut.length
+
+    def some(pieces: Iterator[int]) -> None:
+        at = kernels.pointer
+        for k in pieces:
+            # The arrays have to live as long as the kernel runs, so they have names.
+            hot, frames, base, tip = cut.hot[k], cut.frames[k], work.bases[k], work.tips[k]
+            lists, out, below = [cell[k] for cell in work.columns], output[k], None if root is None else root[k]
+            forces = None if work.external is None else work.external[k * _LANES * length :]
+            strided = [number for cell in lists for number in (at(cell), length)]
+            outside = (0, 0, 0) if forces is None else (at(forces), 6, 6 * length)
+            tables = at(hot), at(frames), at(cut.topology), at(base), 12, at(tip), 6
+            numbers = (length, _LANES, length, length, 0, *tables, *outside, *strided, at(out), _LANES)
+            ends = 0 if below is None else at(below), again
+            job: NDArray[np.int64] = np.array(Job._make((*numbers, *ends)), dtype=np.int64)
+            memory, verdict = work.scratch[k], work.verdicts[k]
+            kernel(at(job), 0, 1, at(memory), at(verdict))
+
+    share(some, cut.groups, min(work.threads, cut.groups))
 
 
 def _angles(chain: Chain, q: Array) -> tuple[Array, bool]:
@@ -141,12 +195,6 @@ def _filled(values: Array, places: int) -> Array:
     return filled
 
 
-def _paths(found: Array) -> Array:
-    """Paths across the blocks as `mp2a.segments.motion` has them, ``(blocks, 24)``."""
-    w, dw, a, v, turn, place = np.split(found.swapaxes(1, 2).reshape(-1, 24), (3, 6, 9, 12, 21), axis=1)
-    return np.concatenate((turn, place, w, v, dw, a - cross(w, v)), axis=1)
-
-
 def _bases(base: Array, paths: Array) -> Array:
     """Motion of what each block hangs on, as kernels take it, ``(blocks, 12)``."""
     w, dw, a, v = base.reshape(4, 3)
@@ -159,9 +207,10 @@ def _bases(base: Array, paths: Array) -> Array:
     return np.concatenate((w, dw, a + cross(w, v), v), axis=1)
 
 
-def _passed(paths: Array, own: Array) -> Array:
-    """Return what each block puts on the one before it, ``(blocks + 1, 6)``; the last of these is nothing."""
-    passed = np.zeros((len(paths) + 1, 6))
+def _passed(paths: Array, own: Array, last: Array) -> Array:
+    """Return what each block puts on the one before it, ``(blocks + 1, 6)``, and what the last one bears."""
+    passed = np.empty((len(paths) + 1, 6))
+    passed[-1] = last
     for k in range(len(paths) - 1, -1, -1):
         passed[k] = own[k] + kernels.carry(paths[k], passed[k + 1])
     return passed
@@ -192,4 +241,4 @@ def _make_cut(whole: Plan, groups: int, bodies: bool) -> Cut:
         filled[:n] = table
         tables.append(np.ascontiguousarray(filled.reshape(groups, _LANES, length, columns).transpose(0, 2, 3, 1)))
     topology, scratch = lay_out_screws(length, _DOUBLE, bodies=bodies)
-    return Cut(tables[0], tables[1], topology, scratch, [])
+    return Cut(tables[0], tables[1], topology, scratch, whole.frames[-1, :9].reshape(3, 3), [])

@@ -58,7 +58,7 @@ def outwards(real: Real, motion: int, *, lanewise: bool) -> Any:
     @numba.njit(forceinline=True)
     def step(i: Any, state: Any, doubt: Any, tables: Any, memory: Any, views: Any) -> Any:
         hot, frames, topology = tables
-        q, v, a = views
+        q, v, a, _ = views
         row, record, frame = i * TOPOLOGY, i * HOT, i * FRAME
         slot = topology[row + SLOT]
         place = three(hot, record + 2)
@@ -129,7 +129,7 @@ def _several(real: Real) -> Any:
     @numba.njit(forceinline=True)
     def several(i: Any, doubt: Any, tables: Any, views: Any, frame: Any, place: Any) -> Any:
         topology = tables[2]
-        q, v, a = views
+        q, v, a, _ = views
         kind, column = topology[i * TOPOLOGY + KIND], topology[i * TOPOLOGY + V_COLUMN]
         x = four(q, topology[i * TOPOLOGY + Q_COLUMN])
         if kind == PLANAR:

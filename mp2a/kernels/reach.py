@@ -1,52 +1,65 @@
-"""What the blocks of a long chain amount to: the path across each, a block a lane.
+"""What a block of consecutive bodies amounts to: the path across it, and its load about its start.
 
-Only building the kernels imports this module; `mp2a.kernels.long` uses the kernel.
+Only building the kernels imports this module; `mp2a.kernels.long` and `mp2a.kernels.batch` use the kernels.
 """
 
 from collections.abc import Callable
 from typing import Any
 
 from mp2a.kernels import steps
+from mp2a.kernels.columns import columns, stage
 from mp2a.kernels.lanes import Real, integers
+from mp2a.kernels.outwards import outwards
 from mp2a.kernels.plan import AT, FRAME, HOT
-from mp2a.kernels.squares import turn_in
+from mp2a.kernels.squares import gather
 
-PATH = 24
-"""Numbers of a path: angular velocity and acceleration, acceleration and velocity of its end against its start, its
-rotation row by row, and its end's place."""
+_PATH, _LOAD = 24, 28
 
 
-def reach(real: Real) -> Callable[..., None]:
-    """Make the kernel, which is called as those of `mp2a.kernels.recursion` are, with one chunk.
+def reach(real: Real, *, lanewise: bool = False) -> Callable[..., None]:
+    """Make the kernel, which is called as those of `mp2a.kernels.recursion` are, for a chain without branches.
 
-    The paths go to the job's ``output``, ``(24, lanes)``.
+    The paths go to the job's ``output``, ``(24, padded)``; the loads to its ``root``, ``(28, padded)``, if it has one.
+    With ``lanewise`` each lane has a block of its own, and paths end in the frames of the tables; else in the user's.
     """
     lanes = real.lanes
-    there, aligned, take, put = real.there(), real.aligned(), real.take_columns(1), real.put()
-    one, two, three = (real.record(count, lanewise=True) for count in (1, 2, 3))
-    fill, start = turn_in(real), real.lift(steps.no_path, PATH)
-    fork, angle, slide = real.lift(steps.fork, 9), real.lift(steps.angle, 2), real.lift(steps.slide, 3)
-    longer, share, zero = real.lift(steps.reach, PATH), real.lift(steps.share), real.zero()
+    there, ahead, aligned, where, staged = real.there(), real.ahead(), real.aligned(), columns(real), stage(real)
+    one, three, six, nine = (real.record(count, lanewise=lanewise) for count in (1, 3, 6, 9))
+    zero, is_nan, put_apart, gather_six = real.zero(), real.is_nan(), real.put_apart(), gather(real, 6)
+    start, nothing = real.lift(steps.no_path, _PATH), real.lift(steps.no_load, _LOAD)
+    load_of, total, pushed = (
+        real.lift(steps.load_of, _LOAD),
+        real.lift(steps.total, _LOAD),
+        real.lift(steps.pushed, _LOAD),
+    )
+    ended, reached = real.lift(steps.ended, _PATH), real.lift(steps.reached, _PATH)
+    step = outwards(real, _PATH, lanewise=lanewise)
 
     def run(job_at: Any, first: Any, last: Any, scratch_at: Any, verdict_at: Any) -> None:
         job = integers(job_at)
-        n, final = job[AT.bodies], job[AT.samples] - 1
-        hot, frames, memory = there(job[AT.hot]), there(job[AT.frames]), aligned(there(scratch_at))
-        q, v, a = there(job[AT.q]), there(job[AT.v]), there(job[AT.a])
-        columns, square = (memory, -1, lanes), lanes * lanes
-        path = start((zero(),))
-        path = path[0:12] + fork((path[12:21], two(frames, 18))) + path[21:24]
-        for i in range(n):
-            k = i & (lanes - 1)
-            if k == 0:
-                fill(q, job[AT.q_stride], 0, final, i, n, memory, 0)
-                fill(v, job[AT.v_stride], 0, final, i, n, memory, square)
-                fill(a, job[AT.a_stride], 0, final, i, n, memory, 2 * square)
-            tilt, shares = two(hot, i * HOT), two(frames, i * FRAME + 22)
-            x, rate, growth = take(columns, k)[0], take(columns, lanes + k)[0], take(columns, 2 * lanes + k)[0]
-            turn = angle((share((x, shares[0])), one(hot, i * HOT + 15)[0]))
-            place = slide((share((x, shares[1])), three(hot, i * HOT + 2), tilt))
-            path = longer((path, turn + tilt, place, rate, growth, shares))
-        put(there(job[AT.output]), 0, path)
+        tables = there(job[AT.hot]), there(job[AT.frames]), integers(job[AT.topology])
+        hot, frames, topology = tables
+        n, final, padded = job[AT.bodies], job[AT.samples] - 1, job[AT.padded]
+        memory = aligned(there(scratch_at))
+        doubt = zero()
+        for chunk in range(first, last):
+            views, begin = where(job, memory, chunk * lanes)
+            path, load, ready = start((zero(),)), nothing((zero(),)), (0, 0)
+            for i in range(n):
+                ready = staged(job, i, topology, views, begin, ready)
+                path, doubt = step(i, path, doubt, tables, memory, views)
+                if job[AT.root]:
+                    own = load_of((path, one(hot, i * HOT + 5)[0], three(hot, i * HOT + 6), six(hot, i * HOT + 9)))
+                    load = total((load, own))
+                    if job[AT.external]:
+                        begins = ahead(there(job[AT.external]), i * job[AT.external_body])
+                        external = gather_six(begins, job[AT.external_sample], begin, final)
+                        load = pushed((load, path, external, nine(frames, i * FRAME)))
+            path = ended((path,)) if lanewise else reached((path, nine(frames, (n - 1) * FRAME)))
+            put_apart(there(job[AT.output]), begin, padded, path)
+            if job[AT.root]:
+                put_apart(there(job[AT.root]), begin, padded, load)
+        if is_nan(doubt):
+            integers(verdict_at)[0] = 1
 
     return run

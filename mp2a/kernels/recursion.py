@@ -1,8 +1,7 @@
 """Inverse dynamics of many samples: each lane of a vector is a sample, and eight go through the chain and back at once.
 
 What eight samples leave between the way out and the way back fits the cache. Where the columns of a sample lie together
-in memory, squares of the input are transposed in registers into a ring of columns just before they are needed, and
-those of the torque likewise behind.
+in memory, squares of input and torque are transposed in registers (`mp2a.kernels.columns`).
 
 Only building the kernels imports this module; `mp2a.kernels.plan` says what the kernel works on.
 """
@@ -13,14 +12,12 @@ from typing import Any
 import numba
 
 from mp2a.kernels import steps
+from mp2a.kernels.columns import columns, stage
 from mp2a.kernels.inwards import inwards
 from mp2a.kernels.lanes import Real, integers
 from mp2a.kernels.outwards import outwards
-from mp2a.kernels.plan import AT, FORCE, FRAME, FROM, HOT, KEEP, Q_COLUMN, RETURN, TOPOLOGY, V_COLUMN
-from mp2a.kernels.squares import gather, turn_in, turn_out
-
-_MOST_Q, _MOST_V = 7, 6
-"""Columns of a body."""
+from mp2a.kernels.plan import AT, FORCE, FRAME, FROM, HOT, KEEP, RETURN, TOPOLOGY, V_COLUMN
+from mp2a.kernels.squares import gather, turn_out
 
 
 def recursion(real: Real, *, bodies: bool, lanewise: bool = False) -> Callable[..., None]:
@@ -44,7 +41,7 @@ def recursion(real: Real, *, bodies: bool, lanewise: bool = False) -> Callable[.
     """
     lanes, ring = real.lanes, 2 * real.lanes
     motion = 12 if bodies else 9
-    there, ahead, zero, is_nan, put_apart = real.there(), real.ahead(), real.zero(), real.is_nan(), real.put_apart()
+    there, zero, is_nan, put_apart, where = real.there(), real.zero(), real.is_nan(), real.put_apart(), columns(real)
     gather_six, nine, aligned = gather(real, 6), real.record(9, lanewise=lanewise), real.aligned()
     total, without = real.lift(steps.total, 6), real.lift(steps.without, 6)
     out = _out(real, motion, bodies=bodies, lanewise=lanewise)
@@ -53,46 +50,23 @@ def recursion(real: Real, *, bodies: bool, lanewise: bool = False) -> Callable[.
 
     def run(job_at: Any, first: Any, last: Any, scratch_at: Any, verdict_at: Any) -> None:
         job = integers(job_at)
-        n, samples, columnwise = job[AT.bodies], job[AT.samples], job[AT.columnwise]
         tables = there(job[AT.hot]), there(job[AT.frames]), integers(job[AT.topology])
-        tip, tip_stride, output, padded = there(job[AT.tip]), job[AT.tip_stride], there(job[AT.output]), job[AT.padded]
-        q, v, a = (
-            (there(job[AT.q]), job[AT.q_stride]),
-            (there(job[AT.v]), job[AT.v_stride]),
-            (there(job[AT.a]), job[AT.a_stride]),
-        )
-        torque = there(job[AT.torque]), job[AT.torque_stride]
+        tip, output, padded = there(job[AT.tip]), there(job[AT.output]), job[AT.padded]
         memory = aligned(there(scratch_at))
-        final = samples - 1
+        final = job[AT.samples] - 1
         root = 3 * ring * lanes + motion * lanes
         null = zero()
         nothing = (null, null, null, null, null, null)
         doubt = null
         for chunk in range(first, last):
-            begin = chunk * lanes
-            # Where a column is: at (column & mask) * step.
-            views = (
-                (memory, ring - 1, lanes),
-                (ahead(memory, ring * lanes), ring - 1, lanes),
-                (ahead(memory, 2 * ring * lanes), ring - 1, lanes),
-            )
-            target = views[0]
-            if columnwise:
-                # The last chunk may begin a little earlier and do some samples again.
-                begin = min(begin, samples - lanes)
-                views = (
-                    (ahead(q[0], begin), -1, q[1]),
-                    (ahead(v[0], begin), -1, v[1]),
-                    (ahead(a[0], begin), -1, a[1]),
-                )
-                target = (ahead(torque[0], begin), -1, torque[1])
+            views, begin = where(job, memory, chunk * lanes)
             put(memory, root, nothing)
             if not job[AT.again]:
-                doubt = out(job, begin, doubt, tables, memory, views, (q, v, a), output, padded)
-            carried = gather_six(tip, tip_stride, begin, final)
+                doubt = out(job, begin, doubt, tables, memory, views, output, padded)
+            carried = gather_six(tip, job[AT.tip_stride], begin, final)
             if not lanewise:
-                carried = without((nothing, carried, nine(tables[1], (n - 1) * FRAME)))
-            carried = back(job, begin, carried, tables, memory, target, torque, output, padded)
+                carried = without((nothing, carried, nine(tables[1], (job[AT.bodies] - 1) * FRAME)))
+            carried = back(job, begin, carried, tables, memory, views[3], output, padded)
             carried = total((carried, six_vectors(memory, root)))
             # What is not finite anywhere ends up here.
             doubt = doubt_results((doubt, carried))
@@ -106,7 +80,7 @@ def recursion(real: Real, *, bodies: bool, lanewise: bool = False) -> Callable[.
 def _out(real: Real, motion: int, *, bodies: bool, lanewise: bool) -> Any:
     """Motion of all bodies, and the wrenches that it takes."""
     lanes, ring = real.lanes, 2 * real.lanes
-    there, ahead, put, put_apart, fill = real.there(), real.ahead(), real.put(), real.put_apart(), turn_in(real)
+    there, ahead, put, put_apart, staged = real.there(), real.ahead(), real.put(), real.put_apart(), stage(real)
     gather_motion, gather_six, motion_vectors = gather(real, motion), gather(real, 6), real.vectors(motion)
     one, three, six, nine = (real.record(count, lanewise=lanewise) for count in (1, 3, 6, 9))
     step = outwards(real, motion, lanewise=lanewise)
@@ -114,25 +88,15 @@ def _out(real: Real, motion: int, *, bodies: bool, lanewise: bool) -> Any:
     reported = real.lift(steps.reported, 12)
 
     @numba.njit(forceinline=True)
-    def out(
-        job: Any, begin: Any, doubt: Any, tables: Any, memory: Any, views: Any, inputs: Any, output: Any, padded: Any
-    ) -> Any:
-        n, final, nq, nv, columnwise = job[AT.bodies], job[AT.samples] - 1, job[AT.nq], job[AT.nv], job[AT.columnwise]
+    def out(job: Any, begin: Any, doubt: Any, tables: Any, memory: Any, views: Any, output: Any, padded: Any) -> Any:
+        final = job[AT.samples] - 1
         hot, frames, topology = tables
-        q, v, a = inputs
         state = gather_motion(there(job[AT.base]), job[AT.base_stride], begin, final)
         put(memory, 3 * ring * lanes, state)
-        q_there, v_there = 0, 0
-        for i in range(n):
+        ready = (0, 0)
+        for i in range(job[AT.bodies]):
             row = i * TOPOLOGY
-            if not columnwise:
-                if q_there < nq and q_there < topology[row + Q_COLUMN] + _MOST_Q:
-                    fill(q[0], q[1], begin, final, q_there, nq, views[0][0], (q_there & (ring - 1)) * lanes)
-                    q_there += lanes
-                if v_there < nv and v_there < topology[row + V_COLUMN] + _MOST_V:
-                    fill(v[0], v[1], begin, final, v_there, nv, views[1][0], (v_there & (ring - 1)) * lanes)
-                    fill(a[0], a[1], begin, final, v_there, nv, views[2][0], (v_there & (ring - 1)) * lanes)
-                    v_there += lanes
+            ready = staged(job, i, topology, views, begin, ready)
             if topology[row + FROM] >= 0:
                 state = motion_vectors(memory, topology[row + FROM])
             state, doubt = step(i, state, doubt, tables, memory, views)
@@ -154,17 +118,16 @@ def _out(real: Real, motion: int, *, bodies: bool, lanewise: bool) -> Any:
 def _back(real: Real, *, bodies: bool, lanewise: bool) -> Any:
     """Wrenches summed up towards the base, and the torques."""
     lanes, ring = real.lanes, 2 * real.lanes
-    zero, put, put_apart, empty = real.zero(), real.put(), real.put_apart(), turn_out(real)
+    zero, put, put_apart, empty, there = real.zero(), real.put(), real.put_apart(), turn_out(real), real.there()
     six_vectors, nine = real.vectors(6), real.record(9, lanewise=lanewise)
     step = inwards(real, lanewise=lanewise)
     total, turned = real.lift(steps.total, 6), real.lift(steps.turned, 6)
 
     @numba.njit(forceinline=True)
     def back(
-        job: Any, begin: Any, carried: Any, tables: Any, memory: Any, target: Any, torque: Any, output: Any,
-        padded: Any,
-    ) -> Any:  # fmt: skip
-        n, final, nv, columnwise = job[AT.bodies], job[AT.samples] - 1, job[AT.nv], job[AT.columnwise]
+        job: Any, begin: Any, carried: Any, tables: Any, memory: Any, torque: Any, output: Any, padded: Any
+    ) -> Any:
+        n, final, nv = job[AT.bodies], job[AT.samples] - 1, job[AT.nv]
         frames, topology = tables[1], tables[2]
         null = zero()
         pending = (nv - 1) // lanes * lanes
@@ -174,14 +137,14 @@ def _back(real: Real, *, bodies: bool, lanewise: bool) -> Any:
             if bodies:
                 place = (i * 18 + 12) * padded + begin
                 put_apart(output, place, padded, turned((force, nine(frames, i * FRAME))))
-            carried = step(i, force, tables, memory, target)
+            carried = step(i, force, tables, memory, torque)
             if topology[row + FROM] >= 0:
                 to = topology[row + RETURN]
                 put(memory, to, total((carried, six_vectors(memory, to))))
                 carried = (null, null, null, null, null, null)
-            if not columnwise and topology[row + V_COLUMN] <= pending:
+            if not job[AT.columnwise] and topology[row + V_COLUMN] <= pending:
                 at = (pending & (ring - 1)) * lanes
-                empty(torque[0], torque[1], begin, final, pending, nv, memory, at)
+                empty(there(job[AT.torque]), job[AT.torque_stride], begin, final, pending, nv, memory, at)
                 pending -= lanes
         return carried
 

@@ -1,16 +1,22 @@
 """Formulas of one body in the recursion of Newton and Euler (Luh, Walker and Paul 1980), for vectors of samples.
 
 A state is what a body moves with, in its own frame: angular velocity, angular acceleration, acceleration of its origin
-(classical, with gravity in it as that of the base) and, where it is asked for, the origin's velocity: 9 or 12 numbers.
+(classical, with gravity in it as that of the base), where it is asked for the origin's velocity, and where a path is
+asked for the rotation from the body to where the path starts, row by row, and its place there: 9, 12 or 24 numbers.
 A wrench is a torque and a force, 6 numbers. The frames are those of `mp2a.kernels.plan`: a joint with one degree of
 freedom has z as its axis, and its body is turned against its parent about x by a constant angle, then about z.
 
 A ``turn`` is (sine, cosine) of the angle about z and (cosine, sine) of the one about x.
 """
 
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
 from llvmlite import ir
 
 from mp2a.kernels.algebra import (
+    ZERO,
     Numbers,
     add,
     apply,
@@ -19,7 +25,9 @@ from mp2a.kernels.algebra import (
     cross,
     product,
     scaled,
+    sub,
 )
+from mp2a.kernels.formulas import carry, move
 from mp2a.kernels.symbols import Symbol
 from mp2a.kernels.trigonometry import largest_angle, sine_and_cosine
 
@@ -42,11 +50,15 @@ def _parts(state: Numbers) -> list[Numbers]:
     return [state[k : k + 3] for k in range(0, len(state), 3)]
 
 
-def _carried(state: Numbers, place: Numbers) -> list[Numbers]:
-    """Motion of the parent at a place in its frame."""
-    w, dw, a, *v = _parts(state)
+def _follow(state: Numbers, place: Numbers, into: Callable[[Numbers], Numbers]) -> tuple[Any, Any, Any, Any, Any]:
+    """Motion of the parent at a place in its frame, turned into the body's: w, dw, a, v (or none), the rest."""
+    w, dw, a, *more = _parts(state)
+    v, rows, at = more[:1], more[1:4], state[21:]
     reach = cross(w, place)
-    return [w, dw, add(a, add(cross(dw, place), cross(w, reach))), *(add(x, reach) for x in v)]
+    a = add(a, add(cross(dw, place), cross(w, reach)))
+    along = [row[0] * place[0] + row[1] * place[1] + row[2] * place[2] for row in rows]
+    rest = [*(into(row) for row in rows), *(number + step for number, step in zip(at, along, strict=True))]
+    return into(w), into(dw), into(a), [into(add(x, reach)) for x in v], rest
 
 
 def angle(q: Symbol, offset: Symbol) -> tuple[Symbol, Symbol]:
@@ -72,7 +84,8 @@ def slide(q: Symbol, place: Numbers, tilt: Numbers) -> Numbers:
 def fork(state: Numbers, offset: Numbers) -> tuple[Numbers, ...]:
     """State in a frame that is turned about z by an angle given as (cosine, sine)."""
     c, s = offset
-    return tuple((c * x[0] + s * x[1], c * x[1] - s * x[0], x[2]) for x in _parts(state))
+    turned = ((c * x[0] + s * x[1], c * x[1] - s * x[0], x[2]) for x in _parts(state[:21]))
+    return *turned, *state[21:]
 
 
 def join(wrench: Numbers, offset: Numbers) -> tuple[Numbers, ...]:
@@ -83,27 +96,27 @@ def join(wrench: Numbers, offset: Numbers) -> tuple[Numbers, ...]:
 
 def revolute(state: Numbers, turn: Numbers, place: Numbers, rate: Symbol, growth: Symbol) -> tuple[Numbers, ...]:
     """State of a body that turns about z."""
-    w, dw, a, *v = (_outwards(turn, x) for x in _carried(state, place))
+    w, dw, a, v, rest = _follow(state, place, partial(_outwards, turn))
     dw = dw[0] + w[1] * rate, dw[1] - w[0] * rate, dw[2] + growth
-    return (w[0], w[1], w[2] + rate), dw, a, *v
+    return (w[0], w[1], w[2] + rate), dw, a, *v, *rest
 
 
 def prismatic(state: Numbers, turn: Numbers, place: Numbers, rate: Symbol, growth: Symbol) -> tuple[Numbers, ...]:
     """State of a body that slides along z."""
-    w, dw, a, *v = (_outwards(turn, x) for x in _carried(state, place))
+    w, dw, a, v, rest = _follow(state, place, partial(_outwards, turn))
     a = a[0] + 2.0 * w[1] * rate, a[1] - 2.0 * w[0] * rate, a[2] + growth
-    return w, dw, a, *((x[0], x[1], x[2] + rate) for x in v)
+    return w, dw, a, *((x[0], x[1], x[2] + rate) for x in v), *rest
 
 
 def screw(
     state: Numbers, turn: Numbers, place: Numbers, rate: Symbol, growth: Symbol, shares: Numbers
 ) -> tuple[Numbers, ...]:
     """State of a body that turns about z and slides along it by shares, one of which is 1 and the other 0."""
-    w, dw, a, *v = (_outwards(turn, x) for x in _carried(state, place))
+    w, dw, a, v, rest = _follow(state, place, partial(_outwards, turn))
     turning, sliding = shares[0] * rate, shares[1] * rate
     dw = dw[0] + w[1] * turning, dw[1] - w[0] * turning, dw[2] + shares[0] * growth
     a = a[0] + 2.0 * w[1] * sliding, a[1] - 2.0 * w[0] * sliding, a[2] + shares[1] * growth
-    return (w[0], w[1], w[2] + turning), dw, a, *((x[0], x[1], x[2] + sliding) for x in v)
+    return (w[0], w[1], w[2] + turning), dw, a, *((x[0], x[1], x[2] + sliding) for x in v), *rest
 
 
 def no_path(zero: Symbol) -> Numbers:
@@ -112,16 +125,35 @@ def no_path(zero: Symbol) -> Numbers:
     return (zero,) * 12 + (one, zero, zero, zero, one, zero, zero, zero, one) + (zero,) * 3
 
 
-def reach(
-    path: Numbers, turn: Numbers, place: Numbers, rate: Symbol, growth: Symbol, shares: Numbers
-) -> tuple[Numbers, ...]:
-    """Path to a body's parent, made longer by the body: state (12), rotation (9) and place (3) seen from its start."""
-    rows = path[12:15], path[15:18], path[18:21]
-    there = tuple(
-        at + (row[0] * place[0] + row[1] * place[1] + row[2] * place[2])
-        for at, row in zip(path[21:24], rows, strict=True)
-    )
-    return *screw(path[0:12], turn, place, rate, growth, shares), *(_outwards(turn, row) for row in rows), there
+def no_load(zero: Symbol) -> Numbers:
+    """Load of no body."""
+    return (zero,) * 28
+
+
+def load_of(path: Numbers, mass: Symbol, moment: Numbers, inertia: Numbers) -> Numbers:
+    """Load of a body about the start of the path to it."""
+    w, v = path[0:3], path[9:12]
+    spatial = sub(path[6:9], cross(w, v))
+    return move((mass, *moment, *inertia, *(ZERO,) * 18), (*path[12:24], *w, *v, *path[3:6], *spatial))
+
+
+def pushed(load: Numbers, path: Numbers, external: Numbers, rotation: Numbers) -> Numbers:
+    """Load with a wrench from outside on the body at the path's end, in the user's frame of it."""
+    turned_back = tuple(number for x in _parts(external) for number in apply_transposed(rotation, x))
+    wrench = carry(path[12:24], turned_back)
+    return *load[:10], *(have - more for have, more in zip(load[10:16], wrench, strict=True)), *load[16:]
+
+
+def reached(path: Numbers, rotation: Numbers) -> Numbers:
+    """Path as `mp2a.segments.motion` has it, to the user's frame of the body at its end."""
+    turned = tuple(number for x in _parts(path[0:21]) for number in apply(rotation, x))
+    return ended((*turned, *path[21:24]))
+
+
+def ended(path: Numbers) -> Numbers:
+    """Path as `mp2a.segments.motion` has it, to the frame of the tables."""
+    w, dw, a, v = _parts(path[0:12])
+    return *path[12:24], *w, *v, *dw, *sub(a, cross(w, v))
 
 
 def share(x: Symbol, part: Symbol) -> Symbol:
@@ -136,12 +168,12 @@ def screw_torque(wrench: Numbers, shares: Numbers) -> Symbol:
 
 def general(state: Numbers, rotation: Numbers, place: Numbers, rates: Numbers, growths: Numbers) -> tuple[Numbers, ...]:
     """State of a body with any rotation and place; rates and growths are [angular; linear] in its own frame."""
-    w, dw, a, *v = (apply_transposed(rotation, x) for x in _carried(state, place))
+    w, dw, a, v, rest = _follow(state, place, partial(apply_transposed, rotation))
     turning, sliding = rates[0:3], rates[3:6]
     coriolis = cross(w, sliding)
     a = add(add(a, growths[3:6]), add(cross(turning, sliding), add(coriolis, coriolis)))
     dw = add(add(dw, growths[0:3]), cross(w, turning))
-    return add(w, turning), dw, a, *(add(x, sliding) for x in v)
+    return add(w, turning), dw, a, *(add(x, sliding) for x in v), *rest
 
 
 def wrench(state: Numbers, mass: Symbol, moment: Numbers, inertia: Numbers) -> tuple[Numbers, ...]:

@@ -14,6 +14,8 @@ from typing import Any
 
 from llvmlite import ir
 
+from mp2a.kernels.algebra import Zero
+
 LANES = 8
 """Doubles of a vector."""
 
@@ -36,14 +38,14 @@ class Symbol:
     def __init__(self, builder: ir.IRBuilder, value: Any) -> None:
         self.builder, self.value = builder, value
 
-    def __add__(self, other: Symbol | float) -> Symbol:
-        return self._note("fadd", other)
+    def __add__(self, other: Any) -> Any:
+        return NotImplemented if isinstance(other, Zero) else self._note("fadd", other)
 
-    def __sub__(self, other: Symbol | float) -> Symbol:
-        return self._note("fsub", other)
+    def __sub__(self, other: Any) -> Any:
+        return NotImplemented if isinstance(other, Zero) else self._note("fsub", other)
 
-    def __mul__(self, other: Symbol | float) -> Symbol:
-        return self._note("fmul", other)
+    def __mul__(self, other: Any) -> Any:
+        return NotImplemented if isinstance(other, Zero) else self._note("fmul", other)
 
     def __rmul__(self, number: float) -> Symbol:
         return self._note("fmul", number)

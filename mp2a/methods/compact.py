@@ -1,44 +1,48 @@
 """The fewest bytes: one scan of motion outwards, then one of forces inwards, on a chain or a tree."""
 
-import numpy as np
-
-from mp2a import kernels
-from mp2a.chain import Chain
-from mp2a.leaf import State, joint_motion, joint_torque
-from mp2a.methods.result import InverseDynamics
-from mp2a.methods.sweep import add, read_off
+from mp2a.methods.node import Nodes, Scan
+from mp2a.methods.sweep import LONGER, read_off
 from mp2a.schedule import FORCE, MOTION, Schedule
 from mp2a.segments import motion
-from mp2a.spatial import Array, body_force, spatial_to_classical
+from mp2a.spatial import Array, spatial_to_classical
 from mp2a.transport.base import Transport
+from mp2a.transport.steps import Operation, Register, Use
 
 DOUBLES = {MOTION: motion.DOUBLES, FORCE: 6}
 
+_OUTWARDS = {MOTION: LONGER}
+_INWARDS = {
+    FORCE: Use(
+        "carried",
+        before=(Operation("carry", "carried", ("path@motion", "force")),),
+        after=(Operation("add", "force", ("<carried",)),),
+    )
+}
+_INWARDS_OF_BLOCKS = {FORCE: _INWARDS[FORCE].then(Operation("add", "behind", ("<carried",)))}
 
-def compact(bodies: Chain, state: State, gravity: Array, schedule: Schedule, transport: Transport) -> InverseDynamics:
-    """Inverse dynamics of the bodies this process holds.
+
+def compact(nodes: Nodes, gravity: Array, schedule: Schedule, transport: Transport) -> Scan:
+    """Scan motion, then force.
 
     A body remembers the path to its 2^e-th ancestor of every round. With it, it carries its force itself to where it
     sends it, so that a force is 6 numbers on the wire.
     """
-    joint = joint_motion(bodies, state)
-    paths = [motion.leaf(joint)]
-    for round_ in schedule.recurrence("motion"):
-        arrivals = transport.exchange(round_, {MOTION: paths[-1]})
-        longer = paths[-1].copy()
-        for _, nodes, data in arrivals:
-            longer[nodes] = kernels.compose(data.reshape(-1, state.samples, motion.DOUBLES), longer[nodes])
-        paths.append(longer)
-    velocity, acceleration = read_off(paths.pop(), gravity)
+    outwards = schedule.recurrence("motion")
+    layout = {
+        "path": Register({"path": motion.DOUBLES}, copies=max(len(outwards) + 1, 2)),
+        "force": Register({"force": 6}),
+        "carried": Register({"carried": 6}, copies=2),
+    }
+    if nodes.blocks:
+        layout["behind"] = Register({"behind": 6})
+    registers = transport.registers(layout, nodes.path.shape[1])
+    registers["path"][:] = nodes.path
+    transport.run(outwards, _OUTWARDS, registers)
+    velocity, acceleration = read_off(registers["path"], gravity)
     classical = spatial_to_classical(acceleration, velocity)
-    mass, com = bodies.masses[:, None], bodies.coms[:, None]
-    force = body_force(mass, com, bodies.origin_inertias[:, None], velocity, classical)
-    if state.external is not None:
-        force -= state.external
-    for round_, path in zip(schedule.recurrence("force"), paths, strict=True):
-        carried = np.empty_like(force)
-        for nodes in transport.senders(round_, FORCE):
-            carried[nodes] = kernels.carry(path[nodes], force[nodes])
-        for _, nodes, data in transport.exchange(round_, {FORCE: carried}):
-            add(force, nodes, data.reshape(-1, state.samples, 6))
-    return InverseDynamics(velocity, classical, force, joint_torque(bodies, force))
+    registers["force"][:] = nodes.force(velocity, classical)
+    if nodes.blocks:
+        registers["behind"][:] = 0.0
+    transport.run(schedule.recurrence("force"), _INWARDS_OF_BLOCKS if nodes.blocks else _INWARDS, registers)
+    behind = registers["behind"].copy() if nodes.blocks else None
+    return Scan(velocity, classical, registers["force"].copy(), behind)

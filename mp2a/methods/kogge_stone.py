@@ -1,28 +1,33 @@
 """The paper's method: three Kogge-Stone scans of affine maps over 6×6 operators (eq. 4-10, figures 4-6)."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from mp2a.chain import Chain
-from mp2a.leaf import State, joint_motion, joint_torque
-from mp2a.methods.result import InverseDynamics
-from mp2a.schedule import Round, Schedule
-from mp2a.segments import affine
-from mp2a.spatial import (
-    Array,
-    apply,
-    body_force,
-    force_to_child,
-    motion_operator,
-    transpose,
-    velocity_product,
-)
+from mp2a.methods.node import Nodes, Scan
+from mp2a.schedule import Schedule
+from mp2a.segments import motion
+from mp2a.segments.affine import MATRIX_AND_VECTOR, VECTOR
+from mp2a.spatial import Array, apply, force_to_child, motion_operator, transpose, velocity_product
 from mp2a.transport.base import Transport
+from mp2a.transport.steps import Operation, Register, Use
+
+_LAYOUT = {"window": Register({"matrix": 36, "vector": 6}, copies=2)}
+_PUSH = Operation("push", "vector", ("matrix", "<vector", "vector"))
+_USES = {
+    MATRIX_AND_VECTOR: Use("window", after=(Operation("product", "matrix", ("matrix", "<matrix")), _PUSH)),
+    VECTOR: Use("vector", after=(_PUSH,)),
+}
+"""The piece that comes lies before the own one (for forces: behind it). After a vector alone the window reaches the end
+of the chain, and its matrix means nothing any more."""
+
+_LAYOUT_OF_BLOCKS = _LAYOUT | {"behind": Register({"behind": 6})}
+_BEHIND = Operation("push", "behind", ("matrix", "<vector", "behind"))
+_USES_OF_BLOCKS = {kind: use.then(_BEHIND) for kind, use in _USES.items()}
 
 
-def kogge_stone(
-    bodies: Chain, state: State, gravity: Array, schedule: Schedule, transport: Transport
-) -> InverseDynamics:
-    r"""Inverse dynamics of the bodies this process holds.
+def kogge_stone(nodes: Nodes, gravity: Array, schedule: Schedule, transport: Transport) -> Scan:
+    r"""Scan velocity, acceleration and force.
 
     Each robot forms its own :math:`C_i, b_i` (eq. 7, 9, 10) and knows its own joint only. The paper's backward
     operator :math:`R_{i+1,i} P_{i,i+1}` holds the joint of the *next* robot, so the recurrence runs over the force
@@ -32,48 +37,28 @@ def kogge_stone(
 
     The messages are as many and as large as the paper's.
     """
-    motion = joint_motion(bodies, state)
-    r, p = motion.rotation, motion.translation
+    r, p, relative, relative_acceleration = motion.view(nodes.path)
     outwards = motion_operator(r, p)
-    current, spare = (affine.window(len(bodies), state.samples) for _ in range(2))
+    registers = transport.registers(_LAYOUT_OF_BLOCKS if nodes.blocks else _LAYOUT, nodes.path.shape[1])
 
-    def scan(recurrence: str, matrix: Array, vector: Array) -> Array:
-        nonlocal current, spare
+    def scan(recurrence: str, matrix: Array, vector: Array, uses: Mapping[str, Use] = _USES) -> Array:
         transport.flush()
-        current.matrix[:], current.vector[:] = matrix, vector
-        current, spare = _scan(schedule.recurrence(recurrence), current, spare, transport)
-        return current.vector.copy()
+        registers["matrix"].reshape(matrix.shape)[:], registers["vector"][:] = matrix, vector
+        transport.run(schedule.recurrence(recurrence), uses, registers)
+        return registers["vector"].copy()
 
-    velocity = scan("velocity", outwards, motion.velocity)
+    velocity = scan("velocity", outwards, relative)
 
-    coriolis = velocity_product(p, r, velocity - motion.velocity, motion.velocity, velocity)
-    rate = motion.acceleration + coriolis
+    coriolis = velocity_product(p, r, velocity - relative, relative, velocity)
+    rate = relative_acceleration + coriolis
     if transport.first == 0:
         rate[0] += apply(outwards[0], np.concatenate((np.zeros(3), -gravity)))
     acceleration = scan("acceleration", outwards, rate)
 
-    mass, com = bodies.masses[:, None], bodies.coms[:, None]
-    force = body_force(mass, com, bodies.origin_inertias[:, None], velocity, acceleration)
-    if state.external is not None:
-        force -= state.external
     inwards = transpose(outwards)
-    passed = scan("force", inwards, apply(inwards, force))
-    force = force_to_child(r, p, passed)
-    return InverseDynamics(velocity, acceleration, force, joint_torque(bodies, force))
-
-
-def _scan(
-    rounds: tuple[Round, ...], current: affine.Window, spare: affine.Window, transport: Transport
-) -> tuple[affine.Window, affine.Window]:
-    """Recursive doubling; returns the windows that reach the end of the chain, and the other ones."""
-    for round_ in rounds:
-        arrivals = transport.exchange(round_, current.outbox())
-        if not arrivals:
-            continue
-        if transport.nodes > 1:  # some nodes got nothing and keep what they have
-            np.copyto(spare.buffer, current.buffer)
-        for kind, nodes, data in arrivals:
-            assert isinstance(nodes, slice)  # on a chain receivers are neighbours
-            affine.join(current, kind, nodes, data, out=spare)
-        current, spare = spare, current
-    return current, spare
+    passed = apply(inwards, nodes.force(velocity, acceleration))
+    if not nodes.blocks:
+        return Scan(velocity, acceleration, force_to_child(r, p, scan("force", inwards, passed)), None)
+    registers["behind"][:] = 0.0
+    force = force_to_child(r, p, scan("force", inwards, passed, _USES_OF_BLOCKS))
+    return Scan(velocity, acceleration, force, force_to_child(r, p, registers["behind"]))

@@ -3,41 +3,51 @@
 import numpy as np
 
 from mp2a import kernels
-from mp2a.chain import Chain
-from mp2a.leaf import State, joint_motion, joint_torque
-from mp2a.methods.result import InverseDynamics
+from mp2a.methods.node import Nodes, Scan
 from mp2a.schedule import FORCE, MOTION, Schedule
 from mp2a.segments import load, motion
 from mp2a.spatial import Array, apply, spatial_to_classical, transpose
-from mp2a.transport.base import Nodes, Transport
+from mp2a.transport.base import Transport
+from mp2a.transport.steps import Operation, Register, Use
 
 DOUBLES = {MOTION: motion.DOUBLES, FORCE: load.DOUBLES}
 
+LONGER = Use("path", after=(Operation("compose", "path", ("<path", "path")),))
+"""A path that comes is put above the own one."""
 
-def sweep(bodies: Chain, state: State, gravity: Array, schedule: Schedule, transport: Transport) -> InverseDynamics:
-    """Inverse dynamics of the bodies this process holds.
+_LAYOUT = {
+    "path": Register({"path": motion.DOUBLES}, copies=2),
+    "below": Register({"below": load.DOUBLES}),
+    "upwards": Register({"upwards": load.DOUBLES}, copies=2),
+}
+_USES = {
+    MOTION: LONGER,
+    FORCE: Use(
+        "upwards",
+        before=(Operation("move", "upwards", ("below", "path")),),
+        after=(Operation("add", "below", ("<upwards",)),),
+    ),
+}
+_LAYOUT_OF_BLOCKS = _LAYOUT | {"behind": Register({"behind": load.DOUBLES})}
+_USES_OF_BLOCKS = _USES | {FORCE: _USES[FORCE].then(Operation("add", "behind", ("<upwards",)))}
+
+
+def sweep(nodes: Nodes, gravity: Array, schedule: Schedule, transport: Transport) -> Scan:
+    """Scan motion and loads at once.
 
     A body keeps two segments: its motion across the path from its 2^e-th ancestor, and the load of all bodies fewer
     than 2^e below it. In a round it hands the first to those whose 2^e-th ancestor it is and the second, moved across
     the first, to its own; neither waits for the other.
     """
-    joint = joint_motion(bodies, state)
-    path = motion.leaf(joint)
-    below = load.leaf(bodies.masses, bodies.coms, bodies.origin_inertias, state.external, state.samples)
-    for round_ in schedule.rounds:
-        upwards = np.empty_like(below)
-        for nodes in transport.senders(round_, FORCE):
-            upwards[nodes] = kernels.move(below[nodes], path[nodes])
-        arrivals = transport.exchange(round_, {MOTION: path, FORCE: upwards})
-        path = path.copy()  # the old one may still be on its way
-        for kind, nodes, data in arrivals:
-            if kind == MOTION:
-                path[nodes] = kernels.compose(data.reshape(-1, state.samples, motion.DOUBLES), path[nodes])
-            else:
-                add(below, nodes, data.reshape(-1, state.samples, load.DOUBLES))
-    velocity, acceleration = read_off(path, gravity)
-    force = kernels.force(below, velocity, acceleration)
-    return InverseDynamics(velocity, spatial_to_classical(acceleration, velocity), force, joint_torque(bodies, force))
+    registers = transport.registers(_LAYOUT_OF_BLOCKS if nodes.blocks else _LAYOUT, nodes.path.shape[1])
+    registers["path"][:], registers["below"][:] = nodes.path, nodes.load()
+    if nodes.blocks:
+        registers["behind"][:] = 0.0
+    transport.run(schedule.recurrence("sweep"), _USES_OF_BLOCKS if nodes.blocks else _USES, registers)
+    velocity, acceleration = read_off(registers["path"], gravity)
+    force = kernels.force(registers["below"], velocity, acceleration)
+    behind = kernels.force(registers["behind"], velocity, acceleration) if nodes.blocks else None
+    return Scan(velocity, spatial_to_classical(acceleration, velocity), force, behind)
 
 
 def read_off(path: Array, gravity: Array) -> tuple[Array, Array]:
@@ -45,12 +55,4 @@ def read_off(path: Array, gravity: Array) -> tuple[Array, Array]:
     whole = motion.view(path)
     acceleration = whole.acceleration.copy()
     acceleration[..., 3:] -= apply(transpose(whole.rotation), np.broadcast_to(gravity, (*path.shape[:-1], 3)))
-    return whole.velocity, acceleration
-
-
-def add(total: Array, nodes: Nodes, parts: Array) -> None:
-    """Add what arrived to the receivers; a body of a tree may get several parts in a round."""
-    if isinstance(nodes, slice):
-        total[nodes] += parts
-    else:
-        np.add.at(total, nodes, parts)
+    return whole.velocity.copy(), acceleration

@@ -1,6 +1,6 @@
 """What every transport offers to the drivers."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from mp2a.schedule import Round
 from mp2a.spatial import Array
+from mp2a.transport.steps import Layout, Registers, Use
 
 Nodes = slice | NDArray[np.intp]
 """Some of the nodes of a process: a slice where they are neighbours, so that indexing copies nothing."""
@@ -31,6 +32,17 @@ class Transport(Protocol):
 
     first: int
     """The schedule's number of the first of them."""
+
+    def registers(self, layout: Layout, samples: int) -> Registers:
+        """Return registers for a call; those of the call before may be used again."""
+        ...
+
+    def run(self, rounds: Sequence[Round], uses: Mapping[str, Use], registers: Registers) -> None:
+        """Go through all rounds of a recurrence: exchange, and work out what the uses say.
+
+        The registers must be as they were whenever this recurrence began in calls before, but for their numbers.
+        """
+        ...
 
     def senders(self, round_: Round, kind: str) -> list[Nodes]:
         """Nodes of this process that send a kind of message in a round, in groups to index arrays with."""

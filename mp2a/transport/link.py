@@ -62,7 +62,7 @@ class MPILink:
 
     def finish(self, receiving: Receiving) -> bool:
         """See `Link`."""
-        return _arrived(self.comm, receiving, None)
+        return arrived(self.comm, receiving, None)
 
 
 class EmulatedLink:
@@ -91,7 +91,7 @@ class EmulatedLink:
 
     def finish(self, receiving: Receiving) -> bool:
         """See `Link`."""
-        if not _arrived(self.comm, receiving, self.network.latency / 8):
+        if not arrived(self.comm, receiving, self.network.latency / 8):
             return False
         raw, into = receiving.raw, receiving.into
         early = float(raw[0]) + self.network.seconds(into.size) - time.monotonic()
@@ -127,7 +127,7 @@ def measure(link: Link, doubles: int, rounds: int) -> list[float]:
     return [] if rank else times
 
 
-def _arrived(comm: MPI.Intracomm, receiving: Receiving, longest_nap: float | None) -> bool:
+def arrived(comm: MPI.Intracomm, receiving: Receiving, longest_nap: float | None) -> bool:
     """Wait for a request; False if a message with another tag came instead, which is taken off the line."""
     request, source = receiving.request, receiving.source
     status = MPI.Status()

@@ -1,6 +1,6 @@
 """All robots in one process: a round is an index."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from mp2a.schedule import Round
 from mp2a.spatial import Array
 from mp2a.transport.base import Arrival, Nodes
+from mp2a.transport.interpreter import interpret
+from mp2a.transport.steps import Layout, Registers, Use
 
 
 class LocalTransport:
@@ -25,6 +27,14 @@ class LocalTransport:
         self.nodes = nodes
         self.messages = 0
         self.doubles = 0
+
+    def registers(self, layout: Layout, samples: int) -> Registers:
+        """Make new registers."""
+        return Registers(layout, self.nodes, samples)
+
+    def run(self, rounds: Sequence[Round], uses: Mapping[str, Use], registers: Registers) -> None:
+        """Go through rounds with all nodes at once."""
+        interpret(rounds, uses, registers, self)
 
     def exchange(self, round_: Round, outbox: Mapping[str, Array]) -> list[Arrival]:
         """Hand the senders' rows to the receivers."""

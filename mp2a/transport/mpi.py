@@ -1,6 +1,6 @@
 """Messages between processes: one robot a rank."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from mpi4py import MPI
@@ -9,12 +9,19 @@ from mp2a.exceptions import InputError
 from mp2a.schedule import Round, Schedule
 from mp2a.spatial import Array
 from mp2a.transport.base import Arrival, Nodes
-from mp2a.transport.link import Link, Receiving
+from mp2a.transport.interpreter import interpret
+from mp2a.transport.link import Link, MPILink, Receiving
+from mp2a.transport.native import Program, record
+from mp2a.transport.steps import Layout, Registers, Use
 from mp2a.transport.wait import wait
 
 _UNSOUND = 0
 _NOTHING = np.empty(0)
 _OWN = slice(0, 1)
+
+_KEPT = 1 << 20
+"""Bytes of registers that stay from call to call, with the rounds recorded for them. With more samples arithmetic and
+messages take far longer than the interpreter, and hundreds of ranks on a machine need the memory for others."""
 
 
 class MPITransport:
@@ -27,10 +34,15 @@ class MPITransport:
     ways along the chain each rank knows that something was wrong somewhere, and a call where all is well sends nothing
     more than the schedule says.
 
+    Where it pays, rounds are recorded once and then done without the interpreter, with persistent requests; see
+    `mp2a.transport.native`.
+
     Attributes
     ----------
     sound
         Whether this rank's data are still worth something; `begin` sets it.
+    programs
+        Recorded rounds by recurrence; None where they could not be.
     messages, doubles
         What this rank has really sent so far: messages by kind, and numbers in all.
     """
@@ -52,6 +64,8 @@ class MPITransport:
             self._receives[key] = _peers(round_, self.first, sending=False)
         self._inboxes: dict[tuple[str, int], Array] = {}
         self._in_flight: list[MPI.Request] = []
+        self._registers: list[Registers] = []
+        self.programs: dict[str, Program | None] = {}
 
     @property
     def most_samples(self) -> int:
@@ -62,6 +76,40 @@ class MPITransport:
     def begin(self, samples: int, *, sound: bool) -> None:
         """Start a call with T samples, and with sound input or not."""
         self.samples, self.sound = samples, sound
+
+    def registers(self, layout: Layout, samples: int) -> Registers:
+        """Return registers for a call, those of the last one if it had as many samples."""
+        if any(kept.samples != samples for kept in self._registers):
+            self.close()
+        for kept in self._registers:
+            if kept.layout == layout:
+                kept.reset()
+                return kept
+        registers = Registers(layout, 1, samples)
+        if registers.size <= _KEPT:
+            self._registers.append(registers)
+        return registers
+
+    def run(self, rounds: Sequence[Round], uses: Mapping[str, Use], registers: Registers) -> None:
+        """Go through rounds, without the interpreter if all is well so far."""
+        program = self._program(rounds, uses, registers) if self.sound and rounds else None
+        if program is None:
+            interpret(rounds, uses, registers, self)
+            return
+        done = program.run(registers)
+        for sent in program.sent[:done]:
+            for kind, doubles in sent:
+                self._count(kind, doubles)
+        if program.misfit:
+            self.sound = False
+            interpret(rounds[done:], uses, registers, self)
+
+    def close(self) -> None:
+        """Free what is kept for the next call."""
+        for program in self.programs.values():
+            if program is not None:
+                program.free()
+        self.programs, self._registers = {}, []
 
     def exchange(self, round_: Round, outbox: Mapping[str, Array]) -> list[Arrival]:
         """Send and receive what the schedule says for this rank; waits for what it receives."""
@@ -102,9 +150,21 @@ class MPITransport:
     def _send(self, kind: str, target: int, data: Array) -> MPI.Request:
         if not self.sound:
             return self.link.send(_NOTHING, target, _UNSOUND)
-        self.messages[kind] = self.messages.get(kind, 0) + 1
-        self.doubles += data.size
+        self._count(kind, data.size)
         return self.link.send(data, target, self.samples)
+
+    def _count(self, kind: str, doubles: int) -> None:
+        self.messages[kind] = self.messages.get(kind, 0) + 1
+        self.doubles += doubles
+
+    def _program(self, rounds: Sequence[Round], uses: Mapping[str, Use], registers: Registers) -> Program | None:
+        """Record rounds, once; None where they have to be interpreted."""
+        if not any(registers is kept for kept in self._registers) or not isinstance(self.link, MPILink):
+            return None
+        name = rounds[0].recurrence
+        if name not in self.programs:
+            self.programs[name] = record(self.link.comm, rounds, uses, registers, self._sends, self._receives)
+        return self.programs[name]
 
 
 def agree(comm: MPI.Intracomm, mine: bool) -> bool:

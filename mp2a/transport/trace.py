@@ -1,12 +1,14 @@
 """A recorder around another transport: when each round began, what was sent and when it had come."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from mp2a.schedule import Round
 from mp2a.spatial import Array
 from mp2a.transport.base import Arrival, Nodes, Transport
+from mp2a.transport.interpreter import interpret
+from mp2a.transport.steps import Layout, Registers, Use
 
 
 class Event(NamedTuple):
@@ -34,6 +36,14 @@ class TraceTransport:
         self.nodes = inner.nodes
         self.first = inner.first
         self.events: list[Event] = []
+
+    def registers(self, layout: Layout, samples: int) -> Registers:
+        """Get registers of the inner transport."""
+        return self.inner.registers(layout, samples)
+
+    def run(self, rounds: Sequence[Round], uses: Mapping[str, Use], registers: Registers) -> None:
+        """Go through rounds one exchange after another, so that each can be timed."""
+        interpret(rounds, uses, registers, self)
 
     def exchange(self, round_: Round, outbox: Mapping[str, Array]) -> list[Arrival]:
         """Exchange by the inner transport."""

@@ -15,7 +15,8 @@ from mp2a.cores import is_oversubscribed
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-_YIELDS = 20
+YIELDS = 20
+"""How often a rank that shares its core yields before it sleeps."""
 _FIRST_NAP, _LONGEST_NAP, _GROWTH = 10e-6, 1e-3, 1.5
 _LOOKS = 64
 
@@ -50,11 +51,11 @@ def wait_unless(request: "MPI.Request", hopeless: Callable[[], bool], longest_na
     nap, looks = _FIRST_NAP, 0
     while not request.Test():
         looks += 1
-        if looks % (_YIELDS if polite else _LOOKS) == 0 and hopeless():
+        if looks % (YIELDS if polite else _LOOKS) == 0 and hopeless():
             return False
         if not polite:
             continue
-        if looks <= _YIELDS:
+        if looks <= YIELDS:
             os.sched_yield()
         else:
             time.sleep(nap)

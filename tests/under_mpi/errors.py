@@ -29,7 +29,7 @@ def on(rank, wrong, right):
 
 
 chain = chain_of_all_joints()
-larger, other = mp2a.Chain.random(SIZE + 1), chain_of_all_joints(seed=1)
+longer, other = mp2a.Chain.random(SIZE + 1), chain_of_all_joints(seed=1)
 wrong_ranks = sorted({0, SIZE // 2, SIZE - 1})
 
 # Making a formation.
@@ -38,11 +38,23 @@ for bad in wrong_ranks:
     same_error([f"rank {bad}", "chain", "NoneType"], make, COMM, on(bad, None, chain))
     same_error([f"rank {bad}", "method", "magic"], make, COMM, chain, on(bad, "magic", "kogge-stone"))
     same_error([f"rank {bad}", "gravity: got shape (1,)"], make, COMM, chain, gravity=on(bad, [1.0], [0, 0, -9.81]))
-    same_error([f"{SIZE + 1} bodies", f"{SIZE} ranks"], make, COMM, on(bad, larger, chain))
+    same_error([f"rank {bad}", "counts", "sum"], make, COMM, chain, counts=on(bad, [2] * SIZE, [1] * SIZE))
     if SIZE > 1:
+        same_error(["chain", "same on every rank"], make, COMM, on(bad, longer, chain))
+        few = on(bad, mp2a.Chain.random(SIZE - 1), chain)
+        same_error([f"rank {bad}", f"{SIZE - 1} bodies", f"{SIZE} ranks"], make, COMM, few)
         same_error(["chain", "same on every rank"], make, COMM, on(bad, other, chain))
         same_error(["gravity", "same on every rank"], make, COMM, chain, gravity=on(bad, (0, 0, -1.0), (0, 0, -2.0)))
-same_error([f"{SIZE + 1} bodies"], make, COMM, larger)
+
+# Blocks: counts that are no counts, do not fit, or differ between ranks; more ranks than robots; a tree.
+ones = [1] * (SIZE - 1)
+for counts in ([*ones, 1], [*ones, 3], [*ones, 0], [*ones, -1], [*ones, 2, 0], [*ones, 1.5], [], 2, ["a"]):
+    same_error(["rank 0", "counts: got"], make, COMM, longer, counts=counts)
+if SIZE > 1:
+    same_error([f"{SIZE - 1} bodies", f"{SIZE} ranks"], make, COMM, mp2a.Chain.random(SIZE - 1))
+    same_error(["counts", "same on every rank"], make, COMM, longer, counts=on(SIZE - 1, [2, *ones], [*ones, 2]))
+branched = mp2a.Chain.random(SIZE + 3, branching=3)
+same_error(["tree", f"{SIZE + 3} bodies"], make, COMM, branched, "sweep")
 
 
 # Read from files, of which one rank cannot read its own.

@@ -16,7 +16,7 @@ for seed in range(4):
         if method == "kogge-stone" and not chain.is_serial:
             continue
         with mp2a.DistributedChain(COMM, chain, method, gravity=GRAVITY) as formation:
-            check(len(formation.body) == 1)
+            check(len(formation.part) == 1 and formation.bodies == range(RANK, RANK + 1))
             for samples in (None, 1, 7, 300):
                 q, v, a = chain.random_state(samples, seed)
                 forces = np.random.default_rng(seed).normal(size=(*(() if samples is None else (samples,)), SIZE, 6))

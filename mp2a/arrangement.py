@@ -1,0 +1,109 @@
+"""Ranks in two directions: some share a chain, and several such groups share the samples of a trajectory."""
+
+from types import TracebackType
+
+import numpy as np
+from mpi4py import MPI
+
+from mp2a.checks import count
+from mp2a.exceptions import InputError
+from mp2a.transport.mpi import raise_together
+
+_LANES = 8
+"""Samples that a core works on at once: with fewer, splitting them further gains nothing."""
+
+
+class Arrangement:
+    """A communicator as a table: the ranks of a row hold one chain together, and the rows share the samples.
+
+    Samples need no messages, a chain does, and three times the arithmetic as well: split the samples first, and the
+    chain only as far as there are too few samples, or too many bodies for the memory of a rank, or where the ranks are
+    robots.
+
+    Making and closing one is collective.
+
+    Parameters
+    ----------
+    comm
+        All ranks.
+    along_chain
+        How many ranks share a chain; it divides the number of ranks. None: as few as leave each row enough samples to
+        fill its vectors.
+    samples
+        T, samples of the trajectory.
+
+    Attributes
+    ----------
+    chain
+        Communicator of this rank's row, for `mp2a.DistributedChain`.
+    row, rows
+        Which row this is, and how many there are.
+    mine
+        The row's samples, a slice of the trajectory's; rows differ by one sample at most.
+
+    Raises
+    ------
+    InputError
+        On every rank: if ``along_chain`` does not divide the number of ranks, there are fewer samples than rows, or
+        ranks differ in what they ask for.
+
+    Examples
+    --------
+    Under ``mpirun -n 8``, two ranks a chain and four rows::
+
+        with mp2a.Arrangement(MPI.COMM_WORLD, along_chain=2, samples=len(q)) as table:
+            with mp2a.DistributedChain(table.chain, chain) as part:
+                columns = part.columns
+                result = part.rnea(q[table.mine, columns], v[table.mine, columns], a[table.mine, columns])
+    """
+
+    def __init__(self, comm: MPI.Intracomm, along_chain: int | None = None, *, samples: int) -> None:
+        if not isinstance(comm, MPI.Intracomm) or comm == MPI.COMM_NULL:
+            raise InputError(f"comm: got {type(comm).__name__}, expected an mpi4py intra-communicator")
+        self.chain = MPI.COMM_NULL
+        error: InputError | None = None
+        ranks, along = comm.Get_size(), 0
+        try:
+            count("samples", samples)
+            along = ranks_along_chain(ranks, samples) if along_chain is None else count("along_chain", along_chain)
+            if ranks % along:
+                raise InputError(f"along_chain: got {along} for {ranks} ranks, expected a divisor of that number")
+            if samples < ranks // along:
+                raise InputError(f"samples: got {samples} for {ranks // along} rows, expected at least one a row")
+        except InputError as wrong:
+            error = wrong
+        raise_together(comm, error)
+        asked = np.array([along, samples, -along, -samples])
+        comm.Allreduce(MPI.IN_PLACE, asked, MPI.MAX)
+        if (asked[:2] != -asked[2:]).any():
+            raise InputError("along_chain, samples: differ between ranks, expected the same on every rank")
+        self.rows, self.row = ranks // along, comm.Get_rank() // along
+        self.mine = slice(samples * self.row // self.rows, samples * (self.row + 1) // self.rows)
+        self.chain = comm.Split(self.row, comm.Get_rank())
+
+    def close(self) -> None:
+        """Free the row's communicator; collective. Closing twice does nothing."""
+        if self.chain != MPI.COMM_NULL:
+            self.chain.Free()
+
+    def __enter__(self) -> "Arrangement":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def ranks_along_chain(ranks: int, samples: int) -> int:
+    """Return how many ranks should share a chain: as few as leave each row samples enough to fill its vectors.
+
+    Parameters
+    ----------
+    ranks
+        All there are.
+    samples
+        T, samples of the trajectory.
+    """
+    divisors = (along for along in range(1, ranks + 1) if ranks % along == 0)
+    return next((along for along in divisors if samples * along >= _LANES * ranks), ranks)

@@ -1,0 +1,158 @@
+"""The robot's controller: follow the path of one's virtual leader at one's distance (thesis, section 4.3).
+
+Each robot keeps a queue of where its leader has been, moved sideways to the robot's own lane. `Queues` holds all n.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mp2a.formation.choreography.constants import (
+    CATCH_UP,
+    FORCE_GAIN,
+    GAP_GAIN,
+    LEADER_SPEED_SHARE,
+    STEER_GAIN,
+    TARGET_AHEAD,
+    TARGET_TOLERANCE,
+)
+from mp2a.formation.choreography.leader import Leaders
+from mp2a.formation.choreography.places import compose, seen_from
+from mp2a.spatial import Array
+
+
+class Queues(NamedTuple):
+    """Queues of n robots: columns ``head`` to ``tail`` of ``points``.
+
+    Attributes
+    ----------
+    points
+        ``(n, capacity, 2)`` m, in the ground frame.
+    head
+        ``(n,)``: the next point of each robot.
+    tail
+        One past the newest point, the same for all.
+    """
+
+    points: Array
+    head: NDArray[np.intp]
+    tail: int
+
+    @property
+    def lengths(self) -> NDArray[np.intp]:
+        """Points in each queue, ``(n,)``."""
+        return self.tail - self.head
+
+
+def empty(n: int, capacity: int = 256) -> Queues:
+    """Queues without a point."""
+    return Queues(np.empty((n, capacity, 2)), np.zeros(n, dtype=np.intp), 0)
+
+
+def push(queues: Queues, points: Array) -> Queues:
+    """Add a point ``(n, 2)`` to the end of every queue; points nobody needs any more make room."""
+    store, head, tail = queues
+    if tail == store.shape[1]:
+        oldest = int(head.min())
+        kept = store[:, oldest:tail]
+        capacity = store.shape[1] if 2 * kept.shape[1] <= store.shape[1] else 2 * store.shape[1]
+        store = np.empty((len(store), capacity, 2))
+        store[:, : kept.shape[1]] = kept
+        head, tail = head - oldest, tail - oldest
+    store[:, tail] = points
+    return Queues(store, head, tail + 1)
+
+
+def lanes(leaders: Leaders) -> Array:
+    """Where each robot's own leader is: its virtual leader, moved sideways to the robot's lane, ``(n, 2)`` m."""
+    side = np.zeros_like(leaders.pose)
+    side[:, 1] = leaders.place[:, 1]
+    return compose(leaders.pose, side)[:, :2]
+
+
+def targets(queues: Queues, leaders: Leaders, poses: Array) -> tuple[Queues, Array, Array]:
+    """Choose what each robot drives to, after points it has reached have left its queue.
+
+    A point that is reached takes those before it along: on the inside of a corner that is sharper than the robot is far
+    from its leader, the lane runs back in a loop, which a robot that took point after point would drive in reverse, and
+    often stay turned round.
+
+    Parameters
+    ----------
+    queues
+        Of all robots.
+    leaders
+        At this tick.
+    poses
+        Where the robots are, ``(n, 3)``.
+
+    Returns
+    -------
+    tuple
+        The queues; the targets ``(n, 2)`` in the ground frame; how much farther than asked each robot is from its
+        leader, ``(n,)`` m.
+    """
+    own = lanes(leaders)
+    asked = -leaders.place[:, 0]
+    gap = np.hypot(*(own - poses[:, :2]).T)
+    rows = np.arange(len(poses))
+    ahead = np.minimum(queues.head[:, None] + np.arange(TARGET_AHEAD), queues.tail)
+    points = queues.points[rows[:, None], np.minimum(ahead, max(queues.tail - 1, 0))]
+    reached = np.hypot(*np.moveaxis(points - poses[:, None, :2], -1, 0)) < TARGET_TOLERANCE
+    reached &= ahead < queues.tail
+    popped = np.where(reached, np.arange(1, TARGET_AHEAD + 1), 0).max(axis=1)
+    head = np.where(gap > CATCH_UP * asked, queues.tail, queues.head + popped)
+    queued = head < queues.tail
+    next_points = queues.points[rows, np.minimum(head, max(queues.tail - 1, 0))]
+    return queues._replace(head=head), np.where(queued[:, None], next_points, own), gap - asked
+
+
+def commands(target: Array, excess: Array, stands: NDArray[np.bool_], force: Array, max_speed: float) -> Array:
+    """Speeds that eq. 4.4 asks for, before any limit.
+
+    Differs from the print in two places: a robot that is more than 1/3 m too close stands instead of driving on
+    ever faster (the text says it slows down), and while the leader stands the robot goes to its place and stops there
+    (the print drives on at the leader's usual speed).
+
+    Parameters
+    ----------
+    target
+        G, ``(n, 2)`` in the robots' frames, m.
+    excess
+        d_act - d_req, ``(n,)`` m.
+    stands
+        ``(n,)``: whose leader stands.
+    force
+        F, ``(n, 2)`` in the robots' frames.
+    max_speed
+        v_max, of the slowest robot, m/s.
+
+    Returns
+    -------
+    numpy.ndarray
+        ``(n, 2)``, m/s and rad/s.
+    """
+    side = np.where(target[:, 0] < 0, -1.0, 1.0)
+    scale = np.maximum(np.where(stands, 0.0, 1.0) + GAP_GAIN * excess, 0.0)
+    linear = side * LEADER_SPEED_SHARE * max_speed * scale
+    angle = np.arctan2(target[:, 1], np.abs(target[:, 0]))
+    angular = STEER_GAIN * side * angle + avoidance(force)
+    return np.stack((linear, angular), axis=-1)
+
+
+def avoidance(force: Array) -> Array:
+    """Turn rate away from obstacles: the second term of eq. 4.4b, ``(n, 2)`` to ``(n,)`` rad/s.
+
+    The end of the robot that is nearer to them swings away: α₂ is the angle of the force, with its sign.
+    """
+    out: Array = -FORCE_GAIN * np.sign(force[:, 0]) * np.arctan2(force[:, 1], force[:, 0]) * np.hypot(*force.T)
+    return out
+
+
+def steer(
+    queues: Queues, leaders: Leaders, poses: Array, force: Array, max_speed: float
+) -> tuple[Queues, Array, Array]:
+    """Do all of this for robots at ``poses`` ``(n, 3)``: the queues, the speeds asked for, the excess of the gap."""
+    queues, ground, excess = targets(queues, leaders, poses)
+    return queues, commands(seen_from(poses, ground), excess, leaders.stands, force, max_speed), excess

@@ -1,0 +1,250 @@
+"""The virtual leaders, one a robot, and the controllers that drive them (thesis, section 4.2).
+
+Every robot works out its own leader from the scenario and the clock alone, so robots with the same clock agree on where
+it is without a message. Here all n are arrays; nothing depends on where the robots really are.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mp2a.formation.choreography.constants import (
+    ARC_GAIN,
+    LEADER_LEAD,
+    LEADER_LEAST_SPEED,
+    LEADER_MOST_TURN,
+    LEADER_SPEED_GAIN,
+    LEADER_SPEED_SHARE,
+    LEADER_TURN_GAIN,
+    NEW_LEADER_PAUSE,
+    TICK,
+    WAYPOINT_TOLERANCE,
+)
+from mp2a.formation.choreography.places import arc, compose, seen_from, wrap
+from mp2a.formation.choreography.program import CIRCLE, END, MEET, MOVE, SHAPE, Program
+from mp2a.spatial import Array
+
+
+class Leaders(NamedTuple):
+    """Virtual leaders of n robots at a tick.
+
+    Attributes
+    ----------
+    pose
+        ``(n, 3)`` in the ground frame.
+    twist
+        ``(n, 2)`` forward speed and turn rate until the next tick, m/s and rad/s; zero while it stands.
+    frame
+        ``(n, 3)``: where the present step of the scenario begins if everything goes as written.
+    step
+        ``(n,)`` of the program.
+    swept
+        ``(n,)`` rad of the present arc that are done.
+    since
+        ``(n,)`` s: when the present step began.
+    place
+        ``(n, 2)``: where the robot is to be, seen from its leader, m.
+    """
+
+    pose: Array
+    twist: Array
+    frame: Array
+    step: NDArray[np.intp]
+    swept: Array
+    since: Array
+    place: Array
+
+    @property
+    def stands(self) -> NDArray[np.bool_]:
+        """Which leaders do not move until the next tick."""
+        out: NDArray[np.bool_] = ~np.logical_or.reduce(self.twist != 0, axis=1)
+        return out
+
+
+def waypoint_twist(target: Array, max_speed: float) -> Array:
+    """Twist towards a waypoint (eq. 4.1).
+
+    Parameters
+    ----------
+    target
+        ``(..., 2)`` in the leader's frame, m.
+    max_speed
+        Of the slowest robot, m/s.
+
+    Returns
+    -------
+    numpy.ndarray
+        ``(..., 2)``, m/s and rad/s.
+    """
+    x, y = target[..., 0], target[..., 1]
+    speed = np.clip(LEADER_SPEED_GAIN * x, LEADER_LEAST_SPEED, LEADER_SPEED_SHARE * max_speed)
+    # A waypoint straight behind is turned to on the left; rounding shall not choose the side.
+    angle = np.arctan2(np.where(np.abs(y) < 1e-9, 0.0, y), x)
+    return np.stack((speed, np.clip(LEADER_TURN_GAIN * angle, -LEADER_MOST_TURN, LEADER_MOST_TURN)), axis=-1)
+
+
+def arc_rate(radius: Array, rate: Array, max_speed: float) -> Array:
+    """Turn rate of an arc, halved until the leader's speed is within its limit (chapter 6, eq. 6.1)."""
+    excess = np.maximum(np.abs(rate * radius) / (LEADER_SPEED_SHARE * max_speed), 1.0)
+    out: Array = rate * 0.5 ** np.ceil(np.log2(excess) - 1e-9)  # rounding shall not halve it
+    return out
+
+
+def arc_twist(radius: Array, rate: Array, distance: Array) -> Array:
+    """Twist along an arc (eq. 4.3), with the size of the radius where the thesis prints the signed one.
+
+    Parameters
+    ----------
+    radius
+        ``(...,)`` m, positive to the left.
+    rate
+        ``(...,)`` turn rate the leader can keep, rad/s.
+    distance
+        ``(...,)`` to the centre of the arc at present, m.
+
+    Returns
+    -------
+    numpy.ndarray
+        ``(..., 2)``, m/s and rad/s.
+    """
+    size = np.abs(radius)
+    turn = np.sign(radius) * rate * (1.0 - ARC_GAIN * (size - distance))
+    return np.stack((rate * size, np.clip(turn, -LEADER_MOST_TURN, LEADER_MOST_TURN)), axis=-1)
+
+
+def start(program: Program, poses: Array | None) -> Leaders:
+    """Leaders before the scenario begins: at the origin, or where robots at ``poses`` ``(n, 3)`` have them in place."""
+    n = len(program)
+    place = program.values[:, 0, :2].copy()
+    pose = np.zeros((n, 3))
+    if poses is not None:
+        # The robots of one leader stand where they stand; it is in the mean of where each of them sees it.
+        heading = np.arctan2(np.sin(poses[:, 2]).mean(), np.cos(poses[:, 2]).mean())
+        own = np.column_stack((poses[:, :2], np.full(n, heading)))
+        pose[:] = compose(own, np.column_stack((-place, np.zeros(n)))).mean(axis=0)
+    zero = np.zeros(n)
+    return Leaders(pose, np.zeros((n, 2)), pose.copy(), np.zeros(n, dtype=np.intp), zero, zero, place)
+
+
+def advance(program: Program, leaders: Leaders, time: float, max_speed: float) -> Leaders:
+    """Leaders one tick on.
+
+    Parameters
+    ----------
+    program
+        What they do.
+    leaders
+        At the tick before; their twist takes them here.
+    time
+        Of the tick, s.
+    max_speed
+        Of the slowest robot, m/s.
+
+    Returns
+    -------
+    Leaders
+        At ``time``, with the twist for the tick to come.
+    """
+    pose = compose(leaders.pose, arc(leaders.twist, TICK))
+    swept = _swept(program, leaders, pose)
+    state = _finish_steps(program, leaders._replace(pose=pose, swept=swept), time)
+    return state._replace(twist=_twist(program, state, max_speed))
+
+
+def _now(program: Program, state: Leaders) -> tuple[NDArray[np.intp], Array]:
+    robots = np.arange(len(program))
+    return program.kind[robots, state.step], program.values[robots, state.step]
+
+
+def _ends(kind: NDArray[np.intp], values: Array, frame: Array) -> Array:
+    """Where the present steps end as written, ``(n, 3)``; as they began, of those that do not move."""
+    distance, angle = values[:, 0], values[:, 1]
+    straight = np.stack((distance * np.cos(angle), distance * np.sin(angle), angle), axis=-1)
+    side = np.sign(distance)
+    bend = np.stack((np.abs(distance) * np.sin(angle), distance * (1 - np.cos(angle)), side * angle), axis=-1)
+    moving = np.where((kind == MOVE)[:, None], straight, np.where((kind == CIRCLE)[:, None], bend, 0.0))
+    return compose(frame, moving)
+
+
+def _from_centre(frame: Array, radius: Array, pose: Array) -> tuple[Array, Array]:
+    """Distance to the centre of an arc, and how far along it, rad in [-π, π)."""
+    inner = seen_from(frame, pose[:, :2])
+    across, ahead = inner[:, 1] - radius, inner[:, 0]
+    # Seen from the centre the arc begins at -radius on the y axis and runs forward.
+    along = np.arctan2(ahead, -across * np.sign(radius))
+    return np.hypot(ahead, across), along
+
+
+def _swept(program: Program, leaders: Leaders, pose: Array) -> Array:
+    kind, values = _now(program, leaders)
+    _, along = _from_centre(leaders.frame, np.where(kind == CIRCLE, values[:, 0], 1.0), pose)
+    return np.where(kind == CIRCLE, leaders.swept + wrap(along - leaders.swept), 0.0)
+
+
+def _finish_steps(program: Program, state: Leaders, time: float) -> Leaders:
+    """Go on to the next step wherever one is done, as often as needed."""
+    for _ in range(program.kind.shape[1]):
+        kind, values = _now(program, state)
+        end = _ends(kind, values, state.frame)
+        near = np.hypot(*(end - state.pose)[:, :2].T) <= WAYPOINT_TOLERANCE
+        moved = ((kind == MOVE) & near) | ((kind == CIRCLE) & (state.swept >= values[:, 1]))
+        shaped = kind == SHAPE
+        state = state._replace(place=np.where(shaped[:, None], values[:, :2], state.place))
+        state, met = _meet(program, state, kind, time)
+        done = moved | shaped | met
+        if not done.any():
+            break
+        state = state._replace(
+            frame=np.where(moved[:, None], end, state.frame),
+            step=state.step + done,
+            swept=np.where(done, 0.0, state.swept),
+            since=np.where(done, time, state.since),
+        )
+    return state
+
+
+def _meet(program: Program, state: Leaders, kind: NDArray[np.intp], time: float) -> tuple[Leaders, NDArray[np.bool_]]:
+    """Give new leaders to the formations whose robots are all there and have stood long enough."""
+    met = np.zeros(len(program), dtype=bool)
+    waiting = kind == MEET
+    if not waiting.any():
+        return state, met
+    meeting = np.where(waiting, program.meeting[np.arange(len(program)), state.step], -1)
+    pose, frame, place = state.pose.copy(), state.frame.copy(), state.place.copy()
+    for which in np.unique(meeting[waiting]):
+        members = program.members[which]
+        ready = (meeting[members] == which).all() and time - state.since[members].max() >= NEW_LEADER_PAUSE - 1e-9
+        if ready:
+            met[members] = True
+            pose[members] = frame[members] = new_leader(state, members, program.first_rows[which])
+            place[members] = program.values[members, state.step[members], :2]
+    return state._replace(pose=pose, frame=frame, place=place), met
+
+
+def new_leader(state: Leaders, members: NDArray[np.intp], first_row: NDArray[np.intp]) -> Array:
+    """Pose of a new leader: in front of the robots that are to be its first row, in the middle of all (chapter 6).
+
+    Robots count where they should be, which every one of them knows of all. The heading is the scenario's, so that an
+    angle left over from the last waypoint does not turn what follows.
+    """
+    headings = state.frame[members, 2]
+    heading = np.arctan2(np.sin(headings).mean(), np.cos(headings).mean())
+    old = np.column_stack((state.pose[:, :2], state.frame[:, 2]))
+    spots = compose(old, np.column_stack((state.place, np.zeros(len(old)))))[:, :2]
+    turned = np.array([0.0, 0.0, heading])
+    inner = seen_from(turned, spots)
+    ahead = inner[first_row, 0].max() + LEADER_LEAD
+    across = (inner[members, 1].max() + inner[members, 1].min()) / 2
+    return compose(turned, np.array([ahead, across, 0.0]))
+
+
+def _twist(program: Program, state: Leaders, max_speed: float) -> Array:
+    kind, values = _now(program, state)
+    end = _ends(kind, values, state.frame)
+    straight = waypoint_twist(seen_from(state.pose, end[:, :2]), max_speed)
+    radius = np.where(kind == CIRCLE, values[:, 0], 1.0)
+    distance, _ = _from_centre(state.frame, radius, state.pose)
+    bend = arc_twist(radius, arc_rate(radius, values[:, 2], max_speed), distance)
+    moving = np.where((kind == MOVE)[:, None], straight, bend)
+    return np.where(((kind == END) | (kind == MEET))[:, None], 0.0, moving)

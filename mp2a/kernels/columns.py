@@ -1,0 +1,73 @@
+"""Where the kernels find the columns of q, v and a: in the user's arrays, or in rings that squares of these go to.
+
+Where the columns of a sample lie together in memory, squares of the input are transposed in registers just before they
+are needed. Only building the kernels imports this module.
+"""
+
+from typing import Any
+
+import numba
+
+from mp2a.kernels.lanes import Real
+from mp2a.kernels.plan import AT, Q_COLUMN, TOPOLOGY, V_COLUMN
+from mp2a.kernels.squares import turn_in
+
+_MOST_Q, _MOST_V = 7, 6
+"""Columns of a body."""
+
+
+def columns(real: Real) -> Any:
+    """Make ``f(job, memory, begin)``: views of q, v, a and the torque, and the sample a chunk really begins with.
+
+    A view is (pointer, mask, step): a column is at ``(column & mask) * step``.
+    """
+    lanes, ring = real.lanes, 2 * real.lanes
+    there, ahead = real.there(), real.ahead()
+
+    @numba.njit(forceinline=True)
+    def views(job: Any, memory: Any, begin: Any) -> Any:
+        found = (
+            (memory, ring - 1, lanes),
+            (ahead(memory, ring * lanes), ring - 1, lanes),
+            (ahead(memory, 2 * ring * lanes), ring - 1, lanes),
+            (memory, ring - 1, lanes),
+        )
+        if job[AT.columnwise]:
+            # The last chunk may begin a little earlier and do some samples again.
+            begin = min(begin, job[AT.samples] - lanes)
+            found = (
+                (ahead(there(job[AT.q]), begin), -1, job[AT.q_stride]),
+                (ahead(there(job[AT.v]), begin), -1, job[AT.v_stride]),
+                (ahead(there(job[AT.a]), begin), -1, job[AT.a_stride]),
+                (ahead(there(job[AT.torque]), begin), -1, job[AT.torque_stride]),
+            )
+        return found, begin
+
+    return views
+
+
+def stage(real: Real) -> Any:
+    """Make ``f(job, i, topology, views, begin, ready)``: have the columns of body i in the rings.
+
+    ``ready`` is how many columns of q, and of v and a, are there; returned as it is after.
+    """
+    lanes, ring = real.lanes, 2 * real.lanes
+    there, fill = real.there(), turn_in(real)
+
+    @numba.njit(forceinline=True)
+    def staged(job: Any, i: Any, topology: Any, views: Any, begin: Any, ready: Any) -> Any:
+        final, nq, nv = job[AT.samples] - 1, job[AT.nq], job[AT.nv]
+        row = i * TOPOLOGY
+        q, v = ready
+        if not job[AT.columnwise]:
+            if q < nq and q < topology[row + Q_COLUMN] + _MOST_Q:
+                fill(there(job[AT.q]), job[AT.q_stride], begin, final, q, nq, views[0][0], (q & (ring - 1)) * lanes)
+                q += lanes
+            if v < nv and v < topology[row + V_COLUMN] + _MOST_V:
+                place = (v & (ring - 1)) * lanes
+                fill(there(job[AT.v]), job[AT.v_stride], begin, final, v, nv, views[1][0], place)
+                fill(there(job[AT.a]), job[AT.a_stride], begin, final, v, nv, views[2][0], place)
+                v += lanes
+        return q, v
+
+    return staged

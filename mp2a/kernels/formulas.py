@@ -1,0 +1,84 @@
+"""Formulas of segments; what they mean stands in `mp2a.segments.motion` and `mp2a.segments.load`."""
+
+from mp2a.kernels.algebra import (
+    Numbers,
+    add,
+    add_symmetric,
+    apply,
+    apply_symmetric,
+    apply_transposed,
+    cross,
+    minus_twice,
+    product,
+    scaled,
+    turned,
+    twice_turning,
+)
+
+
+def compose(upper: Numbers, lower: Numbers) -> Numbers:
+    """Put a path above another one."""
+    r1, r2, p2 = upper[0:9], lower[0:9], lower[9:12]
+    w1, v1, dw1, a1 = upper[12:15], upper[15:18], upper[18:21], upper[21:24]
+    w2, v2, dw2, a2 = lower[12:15], lower[15:18], lower[18:21], lower[21:24]
+    w = apply_transposed(r2, w1)
+    v = apply_transposed(r2, add(v1, cross(w1, p2)))
+    dw = apply_transposed(r2, dw1)
+    a = apply_transposed(r2, add(a1, cross(dw1, p2)))
+    return (
+        product(r1, r2)
+        + add(upper[9:12], apply(r1, p2))
+        + add(w, w2)
+        + add(v, v2)
+        + add(add(dw, dw2), cross(w, w2))
+        + add(add(a, a2), add(cross(w, v2), cross(v, w2)))
+    )
+
+
+def force_of(
+    load: Numbers, w: Numbers, v: Numbers, dw: Numbers, a: Numbers
+) -> tuple[Numbers, Numbers, Numbers, Numbers]:
+    """Return momentum, spin, and the force in two parts."""
+    m, h, j = load[0], load[1:4], load[4:10]
+    momentum = scaled(cross(w, h), v, m)
+    spin = add(apply_symmetric(j, w), cross(h, v))
+    doubled = add(momentum, add(load[25:28], load[25:28]))
+    linear = add(scaled(cross(dw, h), a, m), add(cross(w, doubled), load[13:16]))
+    angular = add(apply_symmetric(j, dw), cross(h, a))
+    angular = add(angular, apply_symmetric(load[16:22], w))
+    angular = add(angular, cross(w, add(load[22:25], spin)))
+    angular = add(angular, add(cross(v, momentum), load[10:13]))
+    return momentum, spin, angular, linear
+
+
+def force(load: Numbers, velocity: Numbers, acceleration: Numbers) -> Numbers:
+    """Force that a load takes."""
+    _, _, angular, linear = force_of(load, velocity[0:3], velocity[3:6], acceleration[0:3], acceleration[3:6])
+    return angular + linear
+
+
+def carry(path: Numbers, force: Numbers) -> Numbers:
+    """Take a force from the lower to the upper end of a path."""
+    linear = apply(path[0:9], force[3:6])
+    return add(apply(path[0:9], force[0:3]), cross(path[9:12], linear)) + linear
+
+
+def move(load: Numbers, path: Numbers) -> Numbers:
+    """Take a load from the lower to the upper end of a path."""
+    m, h, j = load[0], load[1:4], load[4:10]
+    r, p, w, v = path[0:9], path[9:12], path[12:15], path[15:18]
+    momentum, spin, angular_force, linear_force = force_of(load, w, v, path[18:21], path[21:24])
+    rate = add_symmetric(load[16:22], add_symmetric(twice_turning(w, j), minus_twice(h, v)))
+    h = apply(r, h)
+    linear = apply(r, add(load[25:28], momentum))
+    angular = apply(r, add(load[22:25], spin))
+    middle = scaled(h, p, 0.5 * m)
+    rest = (
+        scaled(h, p, m)
+        + add_symmetric(turned(r, j), minus_twice(p, middle))
+        + carry(path, angular_force + linear_force)
+        + add_symmetric(turned(r, rate), minus_twice(p, linear))
+        + add(angular, cross(p, linear))
+        + linear
+    )
+    return m, *rest

@@ -1,0 +1,140 @@
+"""Blocks: a node that holds several consecutive bodies of a serial chain, the first of them its head.
+
+A block is a composite body. What it presses on its head with is a segment as that of one body is, and so is the path
+from head to head: ``compose(Q, J)``, with Q from the head of the block before to its tail and J across the own head's
+joint. Q comes from the rank before, in a round of its own. After it every method runs on blocks as on bodies; then
+each block works out its bodies: those behind the head are a chain whose base moves as the head does and whose last body
+bears what is behind the tail.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mp2a.chain import Chain
+from mp2a.leaf import State, joint_torque
+from mp2a.methods.node import Method, Nodes, single_bodies
+from mp2a.methods.result import InverseDynamics
+from mp2a.recursion import recursion, segment
+from mp2a.schedule import SHIFT, TAIL, Schedule
+from mp2a.segments import motion
+from mp2a.spatial import Array, force_to_child
+from mp2a.transport.base import Transport
+from mp2a.transport.steps import Operation, Register, Use
+
+DOUBLES = {TAIL: motion.DOUBLES}
+
+_LAYOUT = {"tail": Register({"tail": motion.DOUBLES}), "path": Register({"path": motion.DOUBLES})}
+_USES = {TAIL: Use("tail", after=(Operation("compose", "path", ("<tail", "path")),))}
+
+
+class Block(NamedTuple):
+    """Consecutive bodies of a serial chain."""
+
+    bodies: Chain
+    head: Chain
+    """The first alone."""
+    rest: Chain | None
+    """The others, if there are any."""
+
+
+def block_of(bodies: Chain) -> Block:
+    """Take a block apart."""
+    rest = cut(bodies, range(1, len(bodies))) if len(bodies) > 1 else None
+    return Block(bodies, bodies.body(0), rest)
+
+
+def solve(
+    method: Method, block: Block, state: State, gravity: Array, schedule: Schedule, transport: Transport
+) -> InverseDynamics:
+    """Inverse dynamics of the block of bodies that is this process's node.
+
+    Parameters
+    ----------
+    method
+        What to do between blocks.
+    block
+        m bodies.
+    state, gravity
+        Of these bodies; ``(3,)`` m/s².
+    schedule
+        Of the blocks, with a shift in front.
+    transport
+        Has one node here.
+
+    Returns
+    -------
+    InverseDynamics
+        With arrays ``(m, T, 6)``, and ``(T, nv)``.
+    """
+    bodies, head, rest = block
+    first, behind = single_bodies(head, part(bodies, state, range(1))), part(bodies, state, range(1, len(bodies)))
+    across, behind_head = segment(rest, behind, loaded=method.loaded) if rest else (_at_rest(state.samples), None)
+
+    def load() -> Array:
+        own = first.load()
+        return own if behind_head is None else own + behind_head
+
+    def force(velocity: Array, acceleration: Array) -> Array:
+        own = first.force(velocity, acceleration)
+        return own + recursion(rest, behind, _as_base(velocity[0], acceleration[0])).root.T if rest else own
+
+    path = _shift(across, first.path[0], schedule, transport)
+    scan = method.scan(Nodes(path, load, force, blocks=True), gravity, schedule, transport)
+    velocity, acceleration, force_on = scan.velocity, scan.acceleration, scan.force
+    torque = joint_torque(head, force_on)
+    if rest:
+        assert scan.behind is not None
+        turn, shift, _, _ = motion.view(across)
+        tip = -force_to_child(turn, shift, scan.behind[0])
+        found = recursion(rest, behind, _as_base(velocity[0], acceleration[0]), tip, bodies=True)
+        assert found.bodies is not None
+        rows = found.bodies.swapaxes(1, 2)
+        velocity, acceleration, force_on = (
+            np.concatenate((x, rows[..., k : k + 6]))
+            for x, k in ((velocity, 0), (acceleration, 6), (force_on, 12))
+        )  # fmt: skip
+        torque = np.concatenate((torque, found.torque), axis=1)
+    return InverseDynamics(velocity, acceleration, force_on, torque)
+
+
+def _as_base(velocity: Array, acceleration: Array) -> Array:
+    """Motion of a head as that of a base, ``(T, 12)``; classical acceleration."""
+    return np.concatenate((velocity[:, :3], acceleration, velocity[:, 3:]), axis=1)
+
+
+def _at_rest(samples: int) -> Array:
+    """Paths of no length, ``(T, 24)``."""
+    out = np.zeros((samples, motion.DOUBLES))
+    motion.view(out).rotation[:] = np.eye(3)
+    return out
+
+
+def _shift(across: Array, joint: Array, schedule: Schedule, transport: Transport) -> Array:
+    """Path from the head of the block before to the own one, ``(1, T, 24)``."""
+    registers = transport.registers(_LAYOUT, len(joint))
+    registers["tail"][:], registers["path"][:] = across, joint
+    transport.run(schedule.recurrence(SHIFT), _USES, registers)
+    return registers["path"].copy()
+
+
+def share(bodies: int, ranks: int) -> tuple[int, ...]:
+    """Cut a chain into blocks as even as possible: the number of bodies of each rank, the larger ones first."""
+    each, more = divmod(bodies, ranks)
+    return (each + 1,) * more + (each,) * (ranks - more)
+
+
+def cut(chain: Chain, bodies: range) -> Chain:
+    """Take consecutive bodies out of a serial chain, as a chain of their own."""
+    part = slice(bodies.start, bodies.stop)
+    return Chain(
+        np.arange(len(bodies)) - 1, chain.joints[part], chain.axes[part], chain.rotations[part],
+        chain.translations[part], chain.masses[part], chain.coms[part], chain.inertias[part], chain.names[part],
+    )  # fmt: skip
+
+
+def part(chain: Chain, state: State, bodies: range) -> State:
+    """State of consecutive bodies."""
+    q, v = (slice(starts[bodies.start], starts[bodies.stop]) for starts in (chain.q_starts, chain.v_starts))
+    external = None if state.external is None else state.external[bodies.start : bodies.stop]
+    return State(state.q[:, q], state.v[:, v], state.a[:, v], external, state.single)

@@ -1,0 +1,155 @@
+"""Recordings as MCAP files, which Foxglove opens: its own message types, written by its own library."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mp2a.exceptions import MissingError
+from mp2a.spatial import Array
+
+if TYPE_CHECKING:
+    from mp2a.simulator.recording import Recording
+
+GROUND = "ground"
+"""Name of the ground frame; robot i has the frame ``robot_i``, counted from 1."""
+
+_HEIGHT = 0.4  # m, of robots and obstacles: pictures want one, the simulation has none
+_MOTION = ("speed", "turn_rate", "commanded_speed", "commanded_turn_rate")
+_SCHEMA = {"type": "object", "title": "Motion", "properties": {name: {"type": "number"} for name in _MOTION}}
+
+
+def write(recording: "Recording", path: Path) -> None:
+    """Write a recording as MCAP; times begin at 0.
+
+    Parameters
+    ----------
+    recording
+        What to write.
+    path
+        Where; an older file is replaced.
+
+    Raises
+    ------
+    MissingError
+        If foxglove-sdk is not installed.
+    """
+    try:
+        import foxglove
+        from foxglove import channels, messages
+    except ImportError as error:
+        raise MissingError("MCAP files need foxglove-sdk: pip install 'mp2a[record]'") from error
+
+    context = foxglove.Context()
+    n = len(recording.models)
+    frames = [f"robot_{i + 1}" for i in range(n)]
+    world = channels.SceneUpdateChannel("/world", context=context)
+    robots = channels.SceneUpdateChannel("/robots", context=context)
+    transforms = channels.FrameTransformsChannel("/tf", context=context)
+    events = channels.LogChannel("/events", context=context)
+    scans = [channels.PointCloudChannel(f"/{frame}/points", context=context) for frame in frames]
+    motions = [
+        foxglove.Channel(f"/{frame}/motion", message_encoding="json", schema=_SCHEMA, context=context)
+        for frame in frames
+    ]
+    with foxglove.open_mcap(path, allow_overwrite=True, context=context):
+        first = _ns(recording.times[0])
+        world.log(_world(messages, recording), log_time=first)
+        robots.log(_robots(messages, recording, frames), log_time=first)
+        for k, time in enumerate(recording.times):
+            now = _ns(time)
+            transforms.log(_transforms(messages, recording.poses[k], frames, now), log_time=now)
+            for i in range(n):
+                figures = np.concatenate((recording.twists[k, i], recording.commands[k, i])).tolist()
+                told = {name: x for name, x in zip(_MOTION, figures, strict=True) if x == x}  # noqa: PLR0124 (nan)
+                motions[i].log(json.dumps(told).encode(), log_time=now)
+                if recording.counts[k, i]:
+                    cloud = _cloud(messages, recording.new_points(k, i), frames[i], _ns(recording.stamps[k, i]))
+                    scans[i].log(cloud, log_time=now)
+        for event in recording.events:
+            now = _ns(event.time)
+            log = messages.Log(
+                timestamp=_stamp(messages, now), level=messages.LogLevel.Warning, message=event.text,
+                name=frames[event.robot],
+            )  # fmt: skip
+            events.log(log, log_time=now)
+
+
+def _ns(time: float) -> int:
+    return max(0, round(1e9 * float(time)))  # robots stood still before 0, so what they saw then they see at 0
+
+
+def _stamp(messages: Any, now: int) -> Any:
+    return messages.Timestamp(sec=now // 10**9, nsec=now % 10**9)
+
+
+def _transforms(messages: Any, poses: Array, frames: list[str], now: int) -> Any:
+    return messages.FrameTransforms(
+        transforms=[
+            messages.FrameTransform(
+                timestamp=_stamp(messages, now),
+                parent_frame_id=GROUND,
+                child_frame_id=frame,
+                translation=messages.Vector3(x=x, y=y),
+                rotation=messages.Quaternion(z=float(np.sin(heading / 2)), w=float(np.cos(heading / 2))),
+            )
+            for frame, (x, y, heading) in zip(frames, poses.tolist(), strict=True)
+        ]
+    )
+
+
+def _cloud(messages: Any, points: Any, frame: str, stamp: int) -> Any:
+    flat = np.zeros((len(points), 3), dtype="<f4")
+    flat[:, :2] = points
+    kind = messages.PackedElementFieldNumericType.Float32
+    return messages.PointCloud(
+        timestamp=_stamp(messages, stamp),
+        frame_id=frame,
+        pose=messages.Pose(position=messages.Vector3(), orientation=messages.Quaternion(w=1.0)),
+        point_stride=12,
+        fields=[messages.PackedElementField(name=name, offset=4 * k, type=kind) for k, name in enumerate("xyz")],
+        data=flat.tobytes(),
+    )
+
+
+def _world(messages: Any, recording: "Recording") -> Any:
+    color = messages.Color(r=0.25, g=0.25, b=0.25, a=1.0)
+    lines = [
+        messages.LinePrimitive(
+            type=messages.LinePrimitiveLineType.LineStrip,
+            thickness=0.05,
+            points=[messages.Point3(x=x, y=y, z=_HEIGHT / 2) for x, y in line.tolist()],
+            color=color,
+        )
+        for line in recording.world.lines
+    ]
+    entity = messages.SceneEntity(timestamp=_stamp(messages, 0), frame_id=GROUND, id="world", lines=lines)
+    return messages.SceneUpdate(entities=[entity])
+
+
+def _robots(messages: Any, recording: "Recording", frames: list[str]) -> Any:
+    entities = []
+    for i, (model, frame) in enumerate(zip(recording.models, frames, strict=True)):
+        body = messages.CubePrimitive(
+            pose=messages.Pose(
+                position=messages.Vector3(z=_HEIGHT / 2), orientation=messages.Quaternion(w=1.0)
+            ),
+            size=messages.Vector3(x=model.length, y=model.width, z=_HEIGHT),
+            color=messages.Color(r=0.9, g=0.6, b=0.1, a=0.9),
+        )  # fmt: skip
+        label = messages.TextPrimitive(
+            pose=messages.Pose(
+                position=messages.Vector3(z=1.5 * _HEIGHT), orientation=messages.Quaternion(w=1.0)
+            ),
+            billboard=True,
+            font_size=0.3,
+            color=messages.Color(a=1.0),
+            text=str(i + 1),
+        )  # fmt: skip
+        entities.append(
+            messages.SceneEntity(
+                timestamp=_stamp(messages, 0), frame_id=frame, id=frame, frame_locked=True, cubes=[body], texts=[label]
+            )
+        )
+    return messages.SceneUpdate(entities=entities)

@@ -1,0 +1,242 @@
+"""Obstacles and failures: what points, silence and lost poses do to a robot."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mp2a.exceptions import InputError
+from mp2a.formation.choreography import follower
+from mp2a.formation.choreography.constants import CELL, CELL_FORCE, STOP_DISTANCE, STOP_SIDE
+from mp2a.formation.choreography.ideal import drive
+from mp2a.formation.choreography.obstacles import flatten, from_cloud, look
+from mp2a.formation.choreography.reading import parse
+from mp2a.formation.choreography.runner import Choreography
+from mp2a.formation.robot_models import HUSKY, TRADR
+
+ONE = "robots R1\nrow R1 0 0\nmove 20 0"
+TWO = (Path(__file__).parents[1] / "examples" / "scenarios" / "listing_7_1.txt").read_text()
+CLEAR = np.empty((0, 2))
+# Middles of cells, so that rounding decides nothing.
+CELLS = st.tuples(st.integers(-18, 17), st.integers(-18, 17)).filter(
+    lambda c: c not in {(0, 0), (-1, 0), (0, -1), (-1, -1)}
+)
+CLOUDS = st.lists(CELLS, min_size=1, max_size=20).map(lambda cells: (np.array(cells) + 0.5) * CELL)
+
+
+def seen(*clouds, model=HUSKY):
+    n = len(clouds)
+    return look(*flatten(clouds, n), np.full(n, model.length), np.full(n, model.width))
+
+
+def wall(x, y0=-1.0, y1=1.0):
+    return np.column_stack((np.full(41, x), np.linspace(y0, y1, 41)))
+
+
+# ---- force field and stop signals ------------------------------------------------------------------------------
+
+
+@given(CLOUDS)
+def test_force_is_mirrored_with_the_points(points):
+    force = seen(points).force[0]
+    np.testing.assert_allclose(seen(points * [1, -1]).force[0], force * [1, -1], atol=1e-12)
+    np.testing.assert_allclose(seen(points * [-1, 1]).force[0], force * [-1, 1], atol=1e-12)
+
+
+@given(CLOUDS, st.integers(1, 5))
+def test_force_does_not_depend_on_the_number_of_rays_or_their_order(points, times):
+    many = np.repeat(points, times, axis=0)[::-1] + np.linspace(-0.04, 0.04, times * len(points))[:, None]
+    np.testing.assert_allclose(seen(many).force, seen(points).force, atol=1e-12)
+
+
+@given(st.lists(CLOUDS, min_size=1, max_size=4))
+def test_robots_together_see_what_each_sees_alone(clouds):
+    together = seen(*clouds)
+    for i, cloud in enumerate(clouds):
+        alone = seen(cloud)
+        np.testing.assert_allclose(together.force[i], alone.force[0], atol=1e-15)
+        assert (together.front[i], together.rear[i]) == (alone.front[0], alone.rear[0])
+
+
+@given(CELLS)
+def test_force_pushes_away_from_a_point(cell):
+    point = (np.array(cell) + 0.5) * CELL
+    force = seen([point]).force[0]
+    assert force @ point < 0
+    assert abs(force[0] * point[1] - force[1] * point[0]) < 1e-12
+    distance, bearing = np.hypot(*point), np.arctan2(point[1], point[0])
+    assert np.hypot(*force) == pytest.approx(CELL_FORCE * np.cos(bearing) ** 4 / distance**2)
+
+
+def test_a_neighbour_alongside_hardly_turns_a_robot():
+    side = np.column_stack((np.linspace(-0.4, 0.6, 30), np.full(30, 0.865)))  # a HUSKY 1.2 m to the left, 0.1 m ahead
+    assert abs(follower.avoidance(seen(side).force)[0]) < 0.1
+    assert abs(follower.avoidance(seen(side[:, ::-1] + [0.1, 0.0]).force)[0]) > 1
+
+
+def test_only_the_window_counts_and_nothing_that_is_not_finite():
+    far = [[2.01, 0.0], [0.0, -2.01], [-9.0, 9.0], [np.nan, 0.5], [0.5, np.inf]]
+    result = seen(far)
+    assert (result.force == 0).all()
+    assert not result.front.any()
+    assert not result.rear.any()
+    assert seen([[1.99, 0.0]]).force[0, 0] < 0
+
+
+def test_floor_and_ceiling_of_a_cloud_are_not_in_the_way():
+    cloud = [[1, 0, 0.05], [1, 0.1, 0.11], [1, 0.2, 1.49], [1, 0.3, 1.6], [1, 0.4, np.nan]]
+    assert from_cloud(cloud).tolist() == [[1, 0.1], [1, 0.2]]
+    with pytest.raises(InputError, match=r"cloud: got shape \(1, 2\), expected \(k, 3\)"):
+        from_cloud([[1, 2]])
+
+
+def test_a_wall_pushes_harder_the_nearer_it_is_and_is_noticed_from_afar():
+    sizes = [np.hypot(*seen(wall(x, -0.25, 0.25)).force[0]) for x in (1.75, 1.45, 1.25, 1.05, 0.75)]
+    assert sizes == sorted(sizes)
+    # Half a metre of wall, a little to the left, 1 m ahead, against a target 30° to the left behind it (section 5.2).
+    force = seen(wall(1.05, -0.15, 0.35)).force
+    assert follower.avoidance(force)[0] + 3 * np.deg2rad(30) < 0
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "turn"), [(1, 0.3, -1), (1, -0.3, 1), (-1, 0.3, 1), (-1, -0.3, -1)]
+)  # the nearer end of the robot swings away
+def test_a_robot_turns_its_nearer_end_away(x, y, turn):
+    assert np.sign(follower.avoidance(seen([[x, y]]).force)[0]) == turn
+
+
+@pytest.mark.parametrize("model", [HUSKY, TRADR])
+@pytest.mark.parametrize("side", [1, -1])
+def test_stop_signals_are_55_cm_from_the_body(model, side):
+    edge = model.length / 2 + STOP_DISTANCE
+    beside = model.width / 2 + STOP_SIDE
+    for x, y, stop in [(edge - 0.01, 0, True), (edge + 0.01, 0, False), (0.6, beside - 0.01, True),
+                       (0.6, beside + 0.01, False), (0.6, -beside + 0.01, True)]:  # fmt: skip
+        result = seen([[side * x, y]], model=model)
+        assert (result.front[0], result.rear[0]) == ((stop, False) if side > 0 else (False, stop))
+
+
+# ---- in the controller -----------------------------------------------------------------------------------------
+
+
+def test_a_robot_stops_before_a_wall_and_goes_on_when_it_is_gone():
+    show = Choreography(parse(ONE), HUSKY)
+    poses, twists, stood = show.places(), np.zeros((1, 2)), []
+    for tick in range(250):
+        # Without a force sideways: a short wall right ahead at x = 3 m that is taken away after 15 s.
+        points = wall(3.0 - poses[0, 0], -0.3, 0.3) if tick < 150 else CLEAR
+        commands = show.step(tick * 0.1, poses, twists, [points])
+        poses, twists = drive(show.fleet, poses, twists, commands)
+        stood.append(commands[0, 0] == 0)
+        assert show.blocked[0] == (stood[-1] and show.state.asked[0, 0] > 0)
+        assert poses[0, 0] + HUSKY.length / 2 < 3.0 or tick >= 150
+    assert all(stood[100:150])
+    assert not any(stood[150:200])
+    assert not show.state.error.any()
+    assert poses[0, 0] > 3.0
+
+
+def test_a_choreography_ends_though_a_robot_is_blocked():
+    show = Choreography(parse("robots R1\nrow R1 0 0\nmove 0.5 0"), HUSKY)
+    behind = show.places() - [0.3, 0.0, 0.0]
+    for points, done in ((CLEAR, False), ([[0.9, 0.0]], True), (CLEAR, False)):
+        for _ in range(20):
+            show.step((show.state.tick + 1) * 0.1, behind, np.zeros((1, 2)), [points])
+        assert show.ended.all()
+        assert show.done == done
+
+
+def test_a_blocked_robot_may_still_drive_the_other_way_and_turn():
+    show = Choreography(parse(ONE), HUSKY)
+    for x, forward in ((-0.9, True), (0.9, False)):
+        commands = show.step(0.0, show.places(), np.zeros((1, 2)), [[[x, 0.0]]])
+        assert (commands[0, 0] > 0) == forward
+    assert commands[0, 1] != 0
+
+
+def test_a_robot_that_was_blocked_stays_so_until_new_points_come():
+    show = Choreography(parse(ONE), HUSKY)
+    front = [[0.9, 0.0]]
+    blocked = []
+    for tick, points in enumerate((front, None, None, CLEAR, None)):
+        show.step(tick * 0.1, show.places(), np.zeros((1, 2)), [points])
+        blocked.append(bool(show.blocked[0]))
+    assert blocked == [True, True, True, False, False]
+
+
+def test_a_robot_that_lost_its_pose_for_a_moment_has_its_path_still():
+    shows = [Choreography(parse(ONE), HUSKY, poses=[[50.0, 0.0, 0.0]]) for _ in range(2)]
+    for tick in range(8):
+        poses = shows[0].places() - [0.3, 0.0, 0.0]
+        shows[0].step(tick * 0.1, poses, np.zeros((1, 2)), None)
+        shows[1].step(tick * 0.1, poses if tick != 6 else poses * np.nan, np.zeros((1, 2)), None)
+        one, other = (show.state.queues.lengths[0] for show in shows)
+        assert one == other > 0 or tick == 6
+
+
+def test_a_silent_lidar_is_an_error_for_that_robot_alone_and_for_good():
+    show = Choreography(parse(TWO), HUSKY)
+    poses, twists, errors = show.places(), np.zeros((2, 2)), []
+    for tick in range(60):
+        silent = 10 <= tick < 20
+        commands = show.step(tick * 0.1, poses, twists, [CLEAR, None if silent else CLEAR])
+        poses, twists = drive(show.fleet, poses, twists, commands)
+        errors.append(show.state.error.tolist())
+        assert not (show.state.error[1] and commands[1].any())
+        assert commands[0].any()
+    # The last data came at tick 9; 0.3 s after it is the last moment without an error.
+    assert errors[12] == [False, False]
+    assert all(error == [False, True] for error in errors[13:])
+    assert show.state.queues.lengths[1] == 0  # nothing is kept for a robot that drives no more
+
+
+def test_lidar_that_once_was_there_and_stops_for_all_is_missed():
+    show = Choreography(parse(TWO), HUSKY)
+    show.step(0.0, show.places(), np.zeros((2, 2)), [CLEAR, CLEAR])
+    assert show.step(0.3, show.places(), np.zeros((2, 2)), None)[:, 0].all()
+    assert not show.step(0.4, show.places(), np.zeros((2, 2)), None).any()
+    assert show.state.error.all()
+
+
+def test_lidar_that_never_comes_is_missed():
+    show = Choreography(parse(TWO), HUSKY)
+    for tick in range(5):
+        show.step(tick * 0.1, show.places(), np.zeros((2, 2)), [CLEAR, None])
+    assert show.state.error.tolist() == [False, True]
+
+
+def test_robots_without_lidar_drive_on():
+    show = Choreography(parse(TWO), HUSKY)
+    for tick in range(20):
+        assert show.step(tick * 0.1, show.places(), np.zeros((2, 2)), None)[:, 0].all()
+
+
+def test_before_the_start_robots_stand_and_nothing_is_missed():
+    show = Choreography(parse(TWO), HUSKY)
+    for t in (-4.0, -2.0, -0.1):
+        assert not show.step(t, show.places(), np.zeros((2, 2)), [None, None]).any()
+    assert not show.state.error.any()
+    assert show.step(0.1, show.places(), np.zeros((2, 2)), [CLEAR, CLEAR])[:, 0].all()
+
+
+def test_two_lost_poses_stop_a_robot_and_three_end_it():
+    show = Choreography(parse(TWO), HUSKY)
+    good, bad = show.places(), show.places()
+    bad[0] = np.nan
+    lost = [False, True, True, False, True, False, True, True, True, False]
+    moves = []
+    for tick, gone in enumerate(lost):
+        commands = show.step(tick * 0.1, bad if gone else good, np.zeros((2, 2)), None)
+        moves.append(bool(commands[0].any()))
+        assert commands[1].any()
+    assert moves == [True, False, False, True, False, True, False, False, False, False]
+    assert show.state.error.tolist() == [True, False]
+
+
+def test_an_obstacle_inside_a_robot_stops_it_one_way_and_gives_finite_commands():
+    show = Choreography(parse(ONE), HUSKY)
+    commands = show.step(0.0, show.places(), np.zeros((1, 2)), [[[0.0, 0.0], [0.2, 0.0]]])
+    assert np.isfinite(commands).all()
+    assert commands[0, 0] == 0

@@ -1,0 +1,233 @@
+"""Recordings and their pictures: what is read back is what happened."""
+
+import dataclasses
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+from numpy.testing import assert_allclose, assert_array_equal
+from PIL import Image
+
+from mp2a import plot
+from mp2a.cli import main
+from mp2a.exceptions import InputError, MissingError
+from mp2a.formation.robot_models import HUSKY, TRADR
+from mp2a.plot.animation import frame_ticks
+from mp2a.plot.march import march_figure
+from mp2a.plot.speeds import speeds_figure
+from mp2a.simulator import NO_SLIP, Event, Lidar, Recorder, Recording, Simulation, World, box, run
+
+WORLD = World([[[-4, -3], [6, -3], [6, 3]]], [box((4, 0), (0.6, 0.6))], "a place")
+
+
+def record(n=2, seconds=6.0, points=True, world=WORLD):
+    """A run in which robot 1 drives into the box."""
+    poses = np.array([[-1.5 * i, 0.3 * (i % 2), 0] for i in range(n)])
+    simulation = Simulation(world, [HUSKY, TRADR] * (n // 2) + [HUSKY] * (n % 2), poses, slip=NO_SLIP, lidar=Lidar(32))
+    recorder = Recorder(simulation, points=points)
+    commands = np.tile([0.7, 0.0], (n, 1))
+    commands[1:] = (0.3, 0.1)
+    run(simulation, lambda sensed: commands if sensed.time < 5 else np.full((n, 2), np.nan), seconds, recorder)
+    recorder.events.append(Event(1.0, n - 1, (0.0, 1.0), "something else"))
+    return recorder.recording()
+
+
+RECORDING = record()
+
+
+def test_recording_tells_what_happened():
+    assert_allclose(RECORDING.times, np.arange(61) * 0.1, atol=1e-9)
+    assert RECORDING.poses.shape == (61, 2, 3)
+    assert_array_equal(np.isnan(RECORDING.commands[..., 0]), RECORDING.times[:, None] > 4.95 + np.zeros((1, 2)))
+    assert RECORDING.events[0].text == "something else"
+    assert "robot 1 met a wall or an obstacle" in RECORDING.events[1].text
+    assert len(RECORDING.points) == RECORDING.counts.sum() > 0
+    # A point on the box seen by robot 1 lies on the box when put where the robot was at the time of the scan.
+    k = 30
+    then = int(np.argmin(abs(RECORDING.times - RECORDING.stamps[k, 0])))
+    assert RECORDING.times[k] - RECORDING.times[then] == pytest.approx(0.3)
+    ahead = RECORDING.new_points(k, 0)[0] + RECORDING.poses[then, 0, :2]
+    assert_allclose(ahead, (3.7, 0), atol=1e-6)
+
+
+def test_file_holds_the_same(tmp_path):
+    back = Recording.load(RECORDING.save(tmp_path / "new" / "run.npz"))
+    for field in dataclasses.fields(Recording):
+        mine, read = getattr(RECORDING, field.name), getattr(back, field.name)
+        if isinstance(mine, np.ndarray):
+            assert_array_equal(mine, read)
+            assert mine.dtype == read.dtype
+        elif field.name != "world":
+            assert mine == read
+    assert back.world.name == WORLD.name
+    assert_array_equal(back.world.segments, WORLD.segments)
+    assert [shape.area for shape in back.world.shapes] == [shape.area for shape in WORLD.shapes]
+
+
+@pytest.mark.parametrize("world", [World(), World(obstacles=[box((9, 9), (1, 1))]), World([[[8, 8], [9, 9]]])])
+def test_file_holds_empty_lists_too(tmp_path, world):
+    plain = record(1, 0.2, points=False, world=world)
+    back = Recording.load(dataclasses.replace(plain, events=()).save(tmp_path / "run.npz"))
+    assert back.events == ()
+    assert back.points.shape == (0, 2)
+    assert [len(back.world.walls), len(back.world.obstacles)] == [len(world.walls), len(world.obstacles)]
+
+
+def read_mcap(path):
+    """All messages by topic, decoded by another library than the one that wrote them."""
+    topics = {}
+    with path.open("rb") as file:
+        for message in make_reader(
+            file, validate_crcs=True, decoder_factories=[DecoderFactory()]
+        ).iter_decoded_messages():
+            topics.setdefault(message.channel.topic, []).append(
+                (message.schema.name, message.message, message.decoded_message)
+            )
+    return topics
+
+
+class PlainJson(DecoderFactory):
+    """Decodes protobuf as its parent does, and JSON too."""
+
+    def decoder_for(self, message_encoding, schema):
+        if message_encoding == "json":
+            return json.loads
+        return super().decoder_for(message_encoding, schema)
+
+
+def test_mcap_holds_the_same(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys.modules[__name__], "DecoderFactory", PlainJson)
+    topics = read_mcap(RECORDING.save(tmp_path / "run.mcap"))
+    assert set(topics) == {
+        "/world", "/robots", "/tf", "/events",
+        "/robot_1/points", "/robot_2/points", "/robot_1/motion", "/robot_2/motion",
+    }  # fmt: skip
+    assert {name for name, _, _ in topics["/robot_1/points"]} == {"foxglove.PointCloud"}
+    assert len(topics["/tf"]) == len(RECORDING.times)
+    for k, (_, raw, decoded) in enumerate(topics["/tf"]):
+        assert raw.log_time == round(1e9 * RECORDING.times[k])
+        for i, found in enumerate(decoded.transforms):
+            x, y, heading = RECORDING.poses[k, i]
+            assert (found.parent_frame_id, found.child_frame_id) == ("ground", f"robot_{i + 1}")
+            assert_allclose((found.translation.x, found.translation.y), (x, y))
+            assert_allclose(2 * np.arctan2(found.rotation.z, found.rotation.w), heading)
+    [(_, _, robots)] = topics["/robots"]
+    sizes = [(entity.cubes[0].size.x, entity.cubes[0].size.y) for entity in robots.entities]
+    assert_allclose(sizes, [(m.length, m.width) for m in RECORDING.models])
+    assert all(entity.frame_locked for entity in robots.entities)
+    [(_, _, world)] = topics["/world"]
+    corners = [[(p.x, p.y) for p in line.points] for line in world.entities[0].lines]
+    for mine, read in zip(WORLD.lines, corners, strict=True):
+        assert_allclose(mine, read)
+    for k, (_, raw, decoded) in enumerate(topics["/robot_2/points"]):
+        xyz = np.frombuffer(decoded.data, "<f4").reshape(-1, 3)
+        assert_array_equal(xyz[:, :2], RECORDING.new_points(k, 1))
+        stamp = decoded.timestamp.seconds + 1e-9 * decoded.timestamp.nanos
+        assert stamp == pytest.approx(max(RECORDING.stamps[k, 1], 0))
+        assert raw.log_time == round(1e9 * RECORDING.times[k])
+    told = [decoded for _, _, decoded in topics["/robot_1/motion"]]
+    assert told[10]["commanded_speed"] == 0.7
+    assert "commanded_speed" not in told[-1]
+    assert_allclose([row["speed"] for row in told], RECORDING.twists[:, 0, 0])
+    assert [decoded.message for _, _, decoded in topics["/events"]] == [event.text for event in RECORDING.events]
+
+
+def test_without_foxglove_the_error_says_how_to_get_it(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "foxglove", None)
+    with pytest.raises(MissingError, match=r"pip install 'mp2a\[record\]'"):
+        RECORDING.save(tmp_path / "run.mcap")
+
+
+@settings(max_examples=100)
+@given(st.integers(0, 10**6), st.integers(0, 255), st.integers(1, 40))
+def test_broken_files_are_refused_or_read(tmp_path, place, byte, many):
+    path = tmp_path / "broken.npz"
+    whole = bytearray(record_bytes(tmp_path))
+    place %= len(whole)
+    whole[place : place + many] = bytes([byte]) * many
+    path.write_bytes(whole)
+    try:
+        Recording.load(path)
+    except InputError as error:
+        assert "cannot be read as a recording" in str(error)
+
+
+def record_bytes(tmp_path, _kept=[]):  # noqa: B006 (once for all examples)
+    if not _kept:
+        _kept.append(record(1, 0.3).save(tmp_path / "whole.npz").read_bytes())
+    return _kept[0]
+
+
+def test_wrong_input_is_named(tmp_path):
+    for content in (b"", b"PK\x03\x04", b"no"):
+        (tmp_path / "a.npz").write_bytes(content)
+        with pytest.raises(InputError, match="cannot be read as a recording"):
+            Recording.load(tmp_path / "a.npz")
+    np.savez(tmp_path / "b.npz", format=1)
+    with pytest.raises(InputError, match=r"b\.npz: cannot be read as a recording"):
+        Recording.load(tmp_path / "b.npz")
+    with pytest.raises(InputError, match=r"path: got 'x\.bag', expected a name that ends in"):
+        RECORDING.save(tmp_path / "x.bag")
+    with pytest.raises(InputError, match="recording: got no tick"):
+        Recorder(Simulation(WORLD, HUSKY, [[0, 0, 0]])).recording()
+    short = dataclasses.replace(RECORDING, times=RECORDING.times[:1], poses=RECORDING.poses[:1])
+    for draw, name in ((plot.march, "a.png"), (plot.speeds, "a.png"), (plot.animation, "a.gif")):
+        with pytest.raises(InputError, match="recording: got 1 times, expected at least two"):
+            draw(short, tmp_path / name)
+        with pytest.raises(InputError, match=r"path: got 'a\.bmp', expected"):
+            draw(RECORDING, tmp_path / "a.bmp")
+
+
+# Pictures
+
+
+@pytest.mark.parametrize("n", [1, 2, 20])
+def test_pictures_show_the_recording(n):
+    recording = record(n, 1.0, points=False)
+    [axes] = march_figure(recording).axes
+    drawn = {line.get_gid(): line for line in axes.lines}
+    for i in range(n):
+        assert_array_equal(np.transpose(drawn[f"path {i + 1}"].get_data()), recording.poses[:, i, :2])
+    assert axes.get_aspect() == 1
+    panels = speeds_figure(recording).axes
+    assert len(panels) == (2 if n == 1 else 3)
+    drawn = {line.get_gid(): line for panel in panels for line in panel.lines}
+    for i in range(n):
+        assert_array_equal(drawn[f"speed {i + 1}"].get_ydata(), recording.commands[:, i, 0])
+        assert_array_equal(drawn[f"turn rate {i + 1}"].get_ydata(), recording.commands[:, i, 1])
+    for i in range(n - 1):
+        apart = recording.poses[:, i + 1, :2] - recording.poses[:, i, :2]
+        assert_allclose(drawn[f"distance {i + 1} {i + 2}"].get_ydata(), np.hypot(*apart.T))
+
+
+@given(st.floats(0.2, 900))
+def test_animation_runs_to_the_end_in_no_more_than_its_time(seconds):
+    times = np.append(np.arange(0, seconds, 0.1), seconds)
+    ticks, faster = frame_ticks(times)
+    assert ticks[0] == 0 and ticks[-1] == len(times) - 1
+    assert (np.diff(ticks[:-1]) > 0).all() and len(ticks) <= 202
+    assert faster == 1 or seconds > 20
+
+
+def test_command_line_draws_recordings(tmp_path, capsys):
+    file = record(3, 1.0).save(tmp_path / "run.npz")
+    for picture, ending in (("march", "png"), ("speeds", "png"), ("animation", "gif")):
+        assert main(["plot", picture, str(file)]) == 0
+        out = tmp_path / f"{picture}.{ending}"
+        assert capsys.readouterr().out.strip() == str(out)
+        with Image.open(out) as drawn:
+            assert min(drawn.size) > 300
+            assert getattr(drawn, "n_frames", 1) == (11 if ending == "gif" else 1)
+    assert main(["plot", "march", str(tmp_path / "none.npz")]) == 2
+    assert "cannot be read as a recording" in capsys.readouterr().err
+
+
+def test_pictures_and_simulator_leave_pyplot_and_foxglove_alone():
+    code = "import sys, mp2a.plot, mp2a.simulator; assert not {'matplotlib.pyplot', 'foxglove'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)

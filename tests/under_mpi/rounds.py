@@ -1,0 +1,105 @@
+"""Recorded rounds do what interpreted ones do, with the same messages, and go on after what does not fit."""
+
+import ctypes
+
+import numpy as np
+from _formation import COMM, RANK, SIZE, Checks, chain_of_all_joints, own_columns, relative_error
+from mpi4py import MPI
+
+import mp2a
+from mp2a import kernels
+from mp2a.leaf import check_state
+from mp2a.methods import METHODS
+from mp2a.transport import native
+from mp2a.transport.link import MPILink
+from mp2a.transport.mpi import MPITransport
+
+check = Checks()
+compiled = kernels.status().compiled
+FORMATIONS = [(m, b) for m in METHODS for b in (1, 3) if m != "kogge-stone" or b == 1]
+
+
+def torques(formation, state):
+    return [formation.rnea(*(part[t] for part in state)).torque for t in range(len(state[0]))]
+
+
+for method, branching in FORMATIONS:
+    chain = chain_of_all_joints(seed=branching, branching=branching)
+    if method == "kogge-stone" and not chain.is_serial:
+        continue
+    state = chain.random_state(4, body=RANK)
+    named = {"gravity": (1.0, 2.0, 3.0)}
+    with mp2a.DistributedChain(COMM, chain, method, **named) as recorded:
+        with mp2a.DistributedChain(COMM, chain, method, **named, trace=True) as traced:
+            whole = mp2a.rnea(chain, *chain.random_state(4), gravity=(1.0, 2.0, 3.0))
+            for ours, theirs in zip(torques(recorded, state), torques(traced, state), strict=True):
+                check(np.abs(ours - theirs).max() <= 1e-13 * np.abs(whole).max(), method)
+            one, other = recorded.transport, traced.transport
+            check((one.messages, one.doubles) == (other.messages, other.doubles))
+            check(not other.programs)
+            # One program a recurrence, and none where kernels could not be compiled.
+            expected = {round_.recurrence for round_ in recorded.schedule.rounds}
+            check(set(one.programs) == expected)
+            check(all((program is not None) == compiled for program in one.programs.values()))
+        # What a call returns stays as it is when the next one runs.
+        first = recorded.rnea(*(part[0] for part in state))
+        kept = [x.copy() for x in (first.velocity, first.acceleration, first.force, first.torque)]
+        recorded.rnea(*(part[1] for part in state))
+        again = (first.velocity, first.acceleration, first.force, first.torque)
+        check(all(np.array_equal(a, b) for a, b in zip(again, kept, strict=True)))
+
+# Many samples: nothing is kept.
+chain = chain_of_all_joints()
+with mp2a.DistributedChain(COMM, chain, "sweep") as formation:
+    for samples, kept in ((1, SIZE > 1), (1500, False), (1, SIZE > 1)):
+        formation.rnea(*chain.random_state(samples, body=RANK))
+        check(bool(formation.transport.programs) == kept)
+
+# Ranks that record and ranks that cannot understand each other.
+if RANK % 2:
+    native.kernels.rounds, real = lambda: None, kernels.rounds
+qs, vs = own_columns(chain)
+whole = mp2a.rnea(chain, *chain.random_state())
+for method in METHODS:
+    with mp2a.DistributedChain(COMM, chain, method) as formation:
+        for _ in range(3):
+            check(relative_error(formation.rnea(*chain.random_state(body=RANK)).torque, whole[vs], whole) < 1e-12)
+        programs = formation.transport.programs.values()
+        check(all((program is not None) == (compiled and not RANK % 2) for program in programs))
+if RANK % 2:
+    native.kernels.rounds = real
+
+# An input that is wrong on one rank, at first and later; the others record or have recorded.
+for method in METHODS:
+    for bad in sorted({0, SIZE - 1}):
+        with mp2a.DistributedChain(COMM, chain, method) as formation:
+            for samples in (None, 2):
+                state, whole = chain.random_state(samples, body=RANK), mp2a.rnea(chain, *chain.random_state(samples))
+                wrong = [part + (np.nan if bad == RANK else 0.0) for part in state]
+                for _ in range(2):
+                    try:
+                        formation.rnea(*wrong)
+                        check(False)
+                    except mp2a.InputError as error:
+                        check(f"rank {bad}" in str(error))
+                torque = formation.rnea(*state).torque
+                check(relative_error(torque, whole[..., vs], whole) < 1e-12, method, bad, samples)
+
+# An error of MPI in the middle of recorded rounds is raised; it does not crash and is not lost.
+if compiled and SIZE > 1:
+    comm = COMM.Dup()
+    method = METHODS["sweep"]
+    transport = MPITransport(MPILink(comm), method.schedule(SIZE))
+    state = check_state(chain.body(RANK), *chain.random_state(body=RANK), None)
+    method.solve(chain.body(RANK), state, np.zeros(3), method.schedule(SIZE), transport)
+    transport.flush()
+    (program,) = transport.programs.values()
+    steps = program.steps[program.steps[:, 0] == kernels.STEPS.index("start")]
+    null = ctypes.string_at(MPI._addressof(MPI.REQUEST_NULL), MPI._sizeof(MPI.Request))
+    ctypes.memmove(int(steps[0, 2]), null, len(null))
+    try:
+        method.solve(chain.body(RANK), state, np.zeros(3), method.schedule(SIZE), transport)
+        check(False)
+    except MPI.Exception as error:
+        check(error.Get_error_class() == MPI.ERR_REQUEST)
+check.done()
