@@ -3,6 +3,7 @@
 import json
 import os
 import platform
+import random
 import statistics
 import sys
 import time
@@ -38,18 +39,19 @@ class Table(NamedTuple):
 
 
 def take_turns(contenders: Mapping[str, Contender], repeats: int) -> Times:
-    """Time all contenders in turn, in an order that moves on by one each repeat.
+    """Time all contenders in turn, in another order each repeat; a turn begins with a call that is not timed.
 
     Whatever else the machine does slows neighbours in time alike, so that ratios within a repeat hold where times
-    do not.
+    do not. What one leaves behind, a cache full of its arrays or threads that still wait for work, meets another each
+    time.
     """
-    names = list(contenders)
+    names, rng = list(contenders), random.Random(0)
     calls = {name: _calls(contenders[name].run) for name in names}
     times: Times = {name: [] for name in names}
-    for repeat in range(repeats):
-        first = repeat % len(names)
-        for name in names[first:] + names[:first]:
+    for _ in range(repeats):
+        for name in rng.sample(names, len(names)):
             run, samples = contenders[name]
+            run()
             times[name].append(statistics.median(seconds(run) for _ in range(calls[name])) / samples)
     return times
 
