@@ -343,3 +343,12 @@ def test_chain_put_together_is_its_segments_put_together(n, samples, seed, force
     for part in range(28):  # its numbers differ in unit and size
         assert relative_error(found.load[:, part], below[:, part]) <= 1e-9 or abs(below[:, part]).max() < 1e-9
     assert relative_error(found.load, below) <= 1e-12
+
+
+def test_torques_of_a_long_chain_go_where_they_are_told():
+    chain = Chain.uniform(long.WORTH_IT)
+    state = chain.random_state()
+    out = np.full(len(chain), np.nan)
+    found = mp2a.rnea(chain, *state, out=out)
+    assert np.shares_memory(found, out)
+    assert np.array_equal(out, mp2a.rnea(chain, *state))

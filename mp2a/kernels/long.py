@@ -62,7 +62,9 @@ class Cut(NamedTuple):
 
 def fits(chain: Chain, samples: int) -> bool:
     """Tell whether a chain is cut: one sample, long, without branches, and one degree of freedom a joint."""
-    return samples == 1 and len(chain) >= WORTH_IT and chain.is_serial and set(chain.joints) <= set(_SINGLE_DEGREE)
+    if samples != 1 or len(chain) < WORTH_IT or not chain.is_serial:
+        return False
+    return all(group.joint.name in _SINGLE_DEGREE for group in chain.groups)
 
 
 def recursion(
