@@ -47,7 +47,7 @@ def rnea(
     bodies: Literal[True],
     threads: int | None = ...,
     dtype: DTypeLike = ...,
-    out: Array | None = ...,
+    out: InverseDynamics | None = ...,
 ) -> InverseDynamics: ...
 def rnea(
     chain: Chain,
@@ -61,7 +61,7 @@ def rnea(
     bodies: bool = False,
     threads: int | None = None,
     dtype: DTypeLike = np.float64,
-    out: Array | None = None,
+    out: Array | InverseDynamics | None = None,
 ) -> Array | InverseDynamics:
     """Inverse dynamics of a chain in this process: the joint torques that give these accelerations.
 
@@ -90,7 +90,8 @@ def rnea(
     dtype
         Number format of the result and, with method "serial", of the arithmetic: float64 or float32.
     out
-        Array for the torques, of their shape and format, so that a loop needs no new memory.
+        Array for the torques, of their shape and format; with ``bodies`` what an earlier call with as many samples
+        returned. A loop then needs no new memory, which for many bodies takes longer to get than to fill.
 
     Returns
     -------
@@ -117,11 +118,11 @@ def rnea(
     form = _format(dtype)
     state = check_shapes(chain, q, v, a, external_forces)
     field = check_gravity(gravity)
-    target = None if out is None else _target(out, (state.samples, chain.nv), state.single, form)
+    target, rows = _targets(out, (state.samples, len(chain)), chain.nv, state.single, form, bodies=bodies)
     if method == "serial":
         base = np.zeros(12)
         base[6:9] -= field
-        found = recursion(chain, state, base, bodies=bodies, threads=threads, dtype=form, out=target)
+        found = recursion(chain, state, base, bodies=bodies, threads=threads, dtype=form, out=target, rows=rows)
         return _report(found.torque, found.bodies, state.single)
     check_values(chain, state)
     chosen = METHODS[method]
@@ -175,13 +176,12 @@ def _samples_first(values: Array, single: bool) -> Array:
 
 
 def _report(torque: Array, bodies: Array | None, single: bool) -> Array | InverseDynamics:
-    """Torque alone, or with the bodies' ``(n, 18, T)``."""
+    """Torque alone, or with the bodies' ``(T, n, 18)``."""
     if single:
         torque = torque[0]
     if bodies is None:
         return torque
-    samples = bodies.transpose(2, 0, 1)
-    velocity, acceleration, force = (samples[..., k : k + 6] for k in (0, 6, 12))
+    velocity, acceleration, force = (bodies[..., k : k + 6] for k in (0, 6, 12))
     if single:
         velocity, acceleration, force = velocity[0], acceleration[0], force[0]
     return InverseDynamics(velocity, acceleration, force, torque)
@@ -197,7 +197,36 @@ def _format(dtype: DTypeLike) -> np.dtype:
     return form
 
 
-def _target(out: Array, shape: tuple[int, int], single: bool, form: np.dtype) -> Array:
+def _targets(
+    out: Array | InverseDynamics | None, sizes: tuple[int, int], nv: int, single: bool, form: np.dtype, *, bodies: bool
+) -> tuple[Array | None, Array | None]:
+    """Where the torques go, ``(T, nv)``, and motion and force of the bodies, ``(T, n, 18)``."""
+    if out is None:
+        return None, None
+    if not bodies:
+        return _target(out, (sizes[0], nv), single, form), None
+    rows = _rows_of(out, sizes, form) if isinstance(out, InverseDynamics) and out.torque.ndim == 2 - single else None
+    if rows is None:
+        raise InputError(
+            f"out: got {type(out).__name__}, expected what an earlier call returned with bodies=True and method "
+            f"'serial' for {sizes[0]} samples in {form}"
+        )
+    assert isinstance(out, InverseDynamics)
+    return _target(out.torque, (sizes[0], nv), single, form), rows
+
+
+def _rows_of(result: InverseDynamics, sizes: tuple[int, int], form: np.dtype) -> Array | None:
+    """``(T, n, 18)`` of which a result's arrays are parts; None if they are not."""
+    parts = [np.reshape(x, (-1, *x.shape[-2:])) for x in (result.velocity, result.acceleration, result.force)]
+    first, step = parts[0], form.itemsize
+    places = [part.ctypes.data - first.ctypes.data for part in parts]
+    alike = all(part.shape == (*sizes, 6) and part.dtype == form and part.strides == first.strides for part in parts)
+    if not alike or places != [0, 6 * step, 12 * step] or first.strides[1:] != (18 * step, step):
+        return None
+    return np.lib.stride_tricks.as_strided(first, (*sizes, 18), first.strides)
+
+
+def _target(out: object, shape: tuple[int, int], single: bool, form: np.dtype) -> Array:
     wanted = shape[1:] if single else shape
     if not isinstance(out, np.ndarray) or out.shape != wanted or out.dtype != form or not out.flags.writeable:
         given = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__

@@ -21,7 +21,7 @@ class Found(NamedTuple):
     torque: Array
     """``(T, nv)``, N m and N."""
     bodies: Array | None
-    """Velocity, acceleration and force of each body, ``(n, 18, T)``, if asked for; as
+    """Velocity, acceleration and force of each body, ``(T, n, 18)``, if asked for; as
     `mp2a.methods.result.InverseDynamics` describes them."""
     root: Array
     """Wrench that the chain puts on its base, ``(6, T)``, in the base's frame and about its origin, N m and N."""
@@ -37,6 +37,7 @@ def recursion(
     threads: int | None = None,
     dtype: np.dtype | type = np.float64,
     out: Array | None = None,
+    rows: Array | None = None,
 ) -> Found:
     """Inverse dynamics of a chain or tree whose base moves as it is told.
 
@@ -55,8 +56,8 @@ def recursion(
         How many share the work; None: as many as this process has cores for itself and the work is worth.
     dtype
         Format of the results and of the arithmetic, float64 or float32.
-    out
-        Where to put the torque.
+    out, rows
+        Where to put the torque, and motion and force of the bodies.
 
     Raises
     ------
@@ -68,19 +69,23 @@ def recursion(
     if form == np.float64 and long.fits(chain, state.samples):
         found = long.recursion(chain, state, base, tip, bodies=bodies, threads=threads)
     else:
-        found = batch.recursion(chain, state, base, tip, bodies=bodies, threads=threads, dtype=form, out=out)
+        found = batch.recursion(chain, state, base, tip, bodies=bodies, threads=threads, dtype=form, out=out, rows=rows)
     if found is None or not found.sound:
         check_values(chain, state)
-        torque, rows, root = by_numpy(chain, state, base, tip)
-        assert rows is not None
-        rows = rows.astype(form, copy=False) if bodies else None
+        torque, moving, root = by_numpy(chain, state, base, tip)
+        assert moving is not None
+        moving = moving.astype(form, copy=False) if bodies else None
         torque, root = torque.astype(form, copy=False), root.astype(form, copy=False)
     else:
-        torque, rows, root, _ = found
-    if out is not None and torque is not out:
-        out[...] = torque
-        torque = out
-    return Found(torque, rows, root)
+        torque, moving, root, _ = found
+    return Found(_put(torque, out), None if moving is None else _put(moving, rows), root)
+
+
+def _put(found: Array, where: Array | None) -> Array:
+    if where is None or where is found:
+        return found
+    where[...] = found
+    return where
 
 
 def by_numpy(chain: Chain, state: State, base: Array, tip: Array | None = None) -> Found:
@@ -112,7 +117,7 @@ def by_numpy(chain: Chain, state: State, base: Array, tip: Array | None = None) 
             force[chain.parents[i]] += passed
         else:
             root += passed
-    rows = np.concatenate([x.swapaxes(1, 2) for x in (velocity, acceleration, force)], axis=1)
+    rows = np.concatenate((velocity, acceleration, force), axis=2).swapaxes(0, 1)
     return Found(joint_torque(chain, force), rows, root.T)
 
 

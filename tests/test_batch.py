@@ -29,8 +29,7 @@ def numpy_results(chain, state, forces, gravity):
     """What numpy's recursion gives, samples first."""
     base = np.concatenate((np.zeros(6), -np.asarray(gravity), np.zeros(3)))
     torque, bodies, _ = by_numpy(chain, check_state(chain, *state, forces), base)
-    rows = bodies.transpose(2, 0, 1)
-    return mp2a.InverseDynamics(rows[..., :6], rows[..., 6:12], rows[..., 12:], torque)
+    return mp2a.InverseDynamics(bodies[..., :6], bodies[..., 6:12], bodies[..., 12:], torque)
 
 
 def agree(found, expected, tolerance):
@@ -104,6 +103,21 @@ def test_torques_go_where_they_are_told(layout):
     one = np.empty(chain.nv)
     assert mp2a.rnea(chain, *(x[3] for x in state), out=one).base is not None
     assert relative_error(one, out[3]) <= 1e-13
+
+
+@pytest.mark.parametrize("samples", [None, 1, 21])
+@pytest.mark.parametrize("n", [6, long.WORTH_IT])
+def test_results_of_an_earlier_call_are_filled_again(n, samples):
+    chain = Chain.random(n)
+    old, new = (chain.random_state(samples, seed) for seed in (1, 2))
+    first, expected = (mp2a.rnea(chain, *state, bodies=True) for state in (old, new))
+    again = mp2a.rnea(chain, *new, bodies=True, out=first)
+    for name in RESULTS:
+        assert np.shares_memory(getattr(again, name), getattr(first, name))
+        assert np.array_equal(getattr(first, name), getattr(expected, name))
+    for wrong in (np.empty((1, 1)), mp2a.rnea(chain, *new, bodies=True, method="sweep") if n < 10 else expected.torque):
+        with pytest.raises(InputError, match="out: got"):
+            mp2a.rnea(chain, *new, bodies=True, out=wrong)
 
 
 @pytest.mark.parametrize("order", "CF")

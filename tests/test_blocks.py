@@ -48,9 +48,16 @@ def test_the_tail_is_at_the_end_of_the_path_to_it(m, samples, seed):
     start = np.zeros((samples, 24))
     start[:, [0, 4, 8]] = 1.0  # a path of no length, from something that stands still
     start[:, 12:18], start[:, 18:] = velocity, classical_to_spatial(acceleration, velocity)
-    for reduce, solve in ((segment_by_numpy, by_numpy), (partial(segment, loaded=False), recursion)):
+    for reduce, solve in (
+        (segment_by_numpy, by_numpy),
+        (partial(segment, loaded=False), partial(recursion, bodies=True)),
+    ):
         end = motion.compose(start, reduce(chain, state)[0])
-        last = (solve(chain, state, base, bodies=True) if solve is recursion else solve(chain, state, base)).bodies[-1]
+        last = (
+            (solve(chain, state, base, bodies=True) if solve is recursion else solve(chain, state, base))
+            .bodies[:, -1]
+            .T
+        )
         assert relative_error(end[:, 12:18], last[:6].T) < 1e-12
         assert relative_error(spatial_to_classical(end[:, 18:], end[:, 12:18]), last[6:12].T) < 1e-12
 
@@ -62,10 +69,10 @@ def test_two_blocks_are_one(m, samples, seed, data):
     at = data.draw(st.integers(1, m - 1))
     whole = recursion(chain, state, base, bodies=True)
     parts = [(block.cut(chain, cut), block.part(chain, state, cut)) for cut in (range(at), range(at, m))]
-    tail = whole.bodies[at - 1]
+    tail = whole.bodies[:, at - 1].T
     outer = recursion(*parts[1], np.concatenate((tail[:3], tail[6:12], tail[3:6])).T, bodies=True)
     inner = recursion(*parts[0], base, -outer.root.T, bodies=True)
-    assert relative_error(np.concatenate((inner.bodies, outer.bodies)), whole.bodies) < 1e-12
+    assert relative_error(np.concatenate((inner.bodies, outer.bodies), axis=1), whole.bodies) < 1e-12
     assert relative_error(np.concatenate((inner.torque, outer.torque), axis=1), whole.torque) < 1e-12
     assert relative_error(inner.root, whole.root) < 1e-12
 

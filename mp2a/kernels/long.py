@@ -77,7 +77,7 @@ def recursion(
     work = _prepare(chain, state, threads, bodies=bodies)
     groups, length = work.cut.groups, work.cut.length
     paths, root = np.empty((groups, 24, _LANES)), np.empty((groups, 6, _LANES))
-    output = np.empty((groups, length, 18, _LANES) if bodies else (groups, 0))
+    output = np.empty((groups, _LANES * length, 18) if bodies else (groups, 0))
     _through(work, reach, paths, None)
     steps = np.ascontiguousarray(paths.swapaxes(1, 2).reshape(-1, 24))
     work.bases[...] = _bases(np.reshape(base, 12), steps).reshape(groups, _LANES, 12)
@@ -89,7 +89,7 @@ def recursion(
     work.cut.spare.append(work.scratch)
     n, rows = len(chain), None
     if bodies:
-        rows = output.transpose(0, 3, 1, 2).reshape(-1, 18)[:n, :, None]
+        rows = output.reshape(1, -1, 18)[:, :n]
     torque = work.columns[3].reshape(-1)
     return Result(torque[None, :n], rows, passed[0][:, None], work.sound and not work.verdicts.any())
 

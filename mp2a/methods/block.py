@@ -89,7 +89,7 @@ def solve(
         tip = -force_to_child(turn, shift, scan.behind[0])
         found = recursion(rest, behind, _as_base(velocity[0], acceleration[0]), tip, bodies=True)
         assert found.bodies is not None
-        rows = found.bodies.swapaxes(1, 2)
+        rows = found.bodies.swapaxes(0, 1)
         velocity, acceleration, force_on = (
             np.concatenate((x, rows[..., k : k + 6]))
             for x, k in ((velocity, 0), (acceleration, 6), (force_on, 12))
