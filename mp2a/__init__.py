@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mp2a.arrangement import Arrangement as Arrangement
     from mp2a.chain import Chain as Chain
     from mp2a.distributed import DistributedChain as DistributedChain
     from mp2a.dynamics import placements as placements
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
+    "Arrangement": "mp2a.arrangement",
     "Chain": "mp2a.chain",
     "DistributedChain": "mp2a.distributed",
     "EmulatedNetwork": "mp2a.network",

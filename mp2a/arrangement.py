@@ -53,8 +53,8 @@ class Arrangement:
 
         with mp2a.Arrangement(MPI.COMM_WORLD, along_chain=2, samples=len(q)) as table:
             with mp2a.DistributedChain(table.chain, chain) as part:
-                columns = part.columns
-                result = part.rnea(q[table.mine, columns], v[table.mine, columns], a[table.mine, columns])
+                mine, columns = table.mine, part.v_columns
+                result = part.rnea(q[mine, part.q_columns], v[mine, columns], a[mine, columns])
     """
 
     def __init__(self, comm: MPI.Intracomm, along_chain: int | None = None, *, samples: int) -> None:

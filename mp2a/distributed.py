@@ -3,24 +3,25 @@
 import hashlib
 import statistics
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mp2a import schedule as schedules
 from mp2a.chain import Chain
 from mp2a.checks import array, count, numbers
 from mp2a.exceptions import InputError
-from mp2a.leaf import State, check_gravity, check_state
-from mp2a.methods import METHODS, InverseDynamics, block, compact
+from mp2a.leaf import State, check_gravity, check_state, joint_motion
+from mp2a.methods import METHODS, InverseDynamics, block
 from mp2a.methods.auto import AUTO, Choice, choose
+from mp2a.methods.compact import outwards
 from mp2a.network import EmulatedNetwork
 from mp2a.schedule import Formation, Schedule, shifted
+from mp2a.segments.motion import leaf, view
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.base import Transport
 from mp2a.transport.link import EmulatedLink, Link, make_link, measure
@@ -29,11 +30,6 @@ from mp2a.transport.trace import TraceTransport
 from mp2a.transport.wait import wait
 
 _SMALL, _LARGE, _ROUNDS = 24, 24_000, 7
-
-
-class _Carrier(NamedTuple):
-    schedule: Schedule
-    transport: MPITransport
 
 
 class DistributedChain:
@@ -73,6 +69,8 @@ class DistributedChain:
         Which bodies of the chain this rank holds.
     part
         These bodies, as a chain of their own.
+    q_columns, v_columns
+        Where the whole chain's q, and v and a, have the numbers of these bodies; slices.
     method
         Name of the method in use.
     choice
@@ -127,11 +125,16 @@ class DistributedChain:
             self._comm.Free()
             raise
         self._serial = whole.is_serial
-        self._parents = whole.parents
-        self._carriers: dict[str, _Carrier] = {}
         rank = self._comm.Get_rank()
         self.bodies = range(sum(counts[:rank]), sum(counts[: rank + 1]))
         self.part = block.cut(whole, self.bodies) if self._blocks else whole.body(rank)
+        self._block = block.block_of(self.part) if self._blocks else None
+        self.q_columns, self.v_columns = (
+            slice(int(starts[self.bodies.start]), int(starts[self.bodies.stop]))
+            for starts in (whole.q_starts, whole.v_starts)
+        )
+        self._parents = whole.parents
+        self._carriers: dict[str, _Carrier] = {}
         self.transport = MPITransport(link, self.schedule)
         self.trace = TraceTransport(self.transport) if trace else None
 
@@ -183,8 +186,10 @@ class DistributedChain:
         self.transport.begin(state.samples, sound=error is None)
         carrier: Transport = self.trace or self.transport
         method = METHODS[self.method]
-        solve = partial(block.solve, method) if self._blocks else method.solve
-        result = solve(self.part, state, self._gravity, self.schedule, carrier)
+        if self._block is None:
+            result = method.solve(self.part, state, self._gravity, self.schedule, carrier)
+        else:
+            result = block.solve(method, self._block, state, self._gravity, self.schedule, carrier)
         self.transport.flush()
         # Along a chain a wrong input has reached every rank by now; between the branches of a tree it has not.
         if not (self.transport.sound if self._serial else agree(self._comm, self.transport.sound)):
@@ -194,7 +199,7 @@ class DistributedChain:
         velocity, acceleration, force = (x[at] for x in (result.velocity, result.acceleration, result.force))
         if self._blocks and not state.single:  # samples first
             velocity, acceleration, force = (np.swapaxes(x, 0, 1) for x in (velocity, acceleration, force))
-        place = (None if x is None else x[at] for x in (result.rotation, result.position))
+        place = [] if result.rotation is None or result.position is None else [result.rotation[at], result.position[at]]
         return InverseDynamics(velocity, acceleration, force, result.torque[at[1]], *place)
 
     def placement(self, q: ArrayLike) -> tuple[Array, Array]:
@@ -213,9 +218,8 @@ class DistributedChain:
         Raises
         ------
         InputError
-            On every rank, if ``q`` of any rank is wrong, or there are more bodies than ranks.
+            On every rank, if ``q`` of any rank is wrong.
         """
-        self._one_body_a_rank("placement")
         error: InputError | None = None
         state = _at_rest(self.part)
         try:
@@ -224,9 +228,10 @@ class DistributedChain:
             error = found
         raise_together(self._comm, error)
         carrier = self._one_way(schedules.motion, 1)
-        rotation, position = compact.placements(self.part, state, *carrier)
+        path = outwards(leaf(joint_motion(self.part, state)), carrier.schedule, carrier.transport)
         carrier.transport.flush()
-        return rotation[0, 0], position[0, 0]
+        place = view(path[0, 0])
+        return place.rotation, place.translation
 
     def hand_on(self, values: ArrayLike) -> Array | None:
         """Hand some numbers to the robots that hang on this one, and return those of its parent; collective.
@@ -244,10 +249,8 @@ class DistributedChain:
         Raises
         ------
         InputError
-            If ``values`` is not one row of numbers, or the parent's row has another length; on this rank alone. On
-            every rank, if there are more bodies than ranks.
+            If ``values`` is not one row of numbers, or the parent's row has another length; on this rank alone.
         """
-        self._one_body_a_rank("hand_on")
         values = array("values", values, (None,))
         if not len(values):
             raise InputError("values: got none, expected at least one number")
@@ -258,11 +261,7 @@ class DistributedChain:
             raise InputError(f"values: got {len(values)} and another number from the parent, expected as many")
         return arrivals[0].data[0].copy() if arrivals else None
 
-    def _one_body_a_rank(self, what: str) -> None:
-        if self._blocks:
-            raise InputError(f"{what}: got a chain with more bodies than ranks, expected one body a rank")
-
-    def _one_way(self, plan: Callable[[Formation], Schedule], samples: int) -> _Carrier:
+    def _one_way(self, plan: Callable[[NDArray[np.intp]], Schedule], samples: int) -> "_Carrier":
         """Transport for a schedule that runs outwards only, made when it is first wanted."""
         if plan.__name__ not in self._carriers:
             schedule = plan(self._parents)
@@ -334,6 +333,11 @@ class DistributedChain:
         odd = next((rank for rank, count in enumerate(counts) if count != counts[0]), 0)
         given = f"{counts[0]} samples on rank 0 and {counts[odd]} on rank {odd}"
         return f"q, v, a: got {given}, expected the same number on every rank"
+
+
+class _Carrier(NamedTuple):
+    schedule: Schedule
+    transport: MPITransport
 
 
 def _read(chain: Chain | str | Path) -> Chain:

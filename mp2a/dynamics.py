@@ -1,6 +1,6 @@
 """What users call: inverse dynamics of a chain in one process."""
 
-from typing import Any, Literal, overload
+from typing import Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
@@ -9,10 +9,12 @@ from mp2a import schedule
 from mp2a.chain import Chain
 from mp2a.checks import count
 from mp2a.exceptions import InputError
-from mp2a.kernels import batch, long
 from mp2a.kernels.plan import FORMATS
-from mp2a.leaf import State, check_gravity, check_shapes, check_state, check_values
-from mp2a.methods import METHODS, InverseDynamics, compact, serial
+from mp2a.leaf import check_gravity, check_shapes, check_state, check_values, joint_motion
+from mp2a.methods import METHODS, InverseDynamics
+from mp2a.methods.compact import outwards
+from mp2a.recursion import recursion
+from mp2a.segments import motion
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.local import LocalTransport
 
@@ -45,7 +47,7 @@ def rnea(
     bodies: Literal[True],
     threads: int | None = ...,
     dtype: DTypeLike = ...,
-    out: Array | None = ...,
+    out: InverseDynamics | None = ...,
 ) -> InverseDynamics: ...
 def rnea(
     chain: Chain,
@@ -59,7 +61,7 @@ def rnea(
     bodies: bool = False,
     threads: int | None = None,
     dtype: DTypeLike = np.float64,
-    out: Array | None = None,
+    out: Array | InverseDynamics | None = None,
 ) -> Array | InverseDynamics:
     """Inverse dynamics of a chain in this process: the joint torques that give these accelerations.
 
@@ -88,7 +90,8 @@ def rnea(
     dtype
         Number format of the result and, with method "serial", of the arithmetic: float64 or float32.
     out
-        Array for the torques, of their shape and format, so that a loop needs no new memory.
+        Array for the torques, of their shape and format; with ``bodies`` what an earlier call with as many samples
+        returned. A loop then needs no new memory, which for many bodies takes longer to get than to fill.
 
     Returns
     -------
@@ -115,55 +118,27 @@ def rnea(
     form = _format(dtype)
     state = check_shapes(chain, q, v, a, external_forces)
     field = check_gravity(gravity)
-    target = None if out is None else _target(out, (state.samples, chain.nv), state.single, form)
-    result = None
+    target, rows = _targets(out, (state.samples, len(chain)), chain.nv, state.single, form, bodies=bodies)
     if method == "serial":
         base = np.zeros(12)
         base[6:9] -= field
-        if form == np.float64 and long.fits(chain, state.samples):
-            result = long.recursion(chain, state, base, bodies=bodies, threads=threads)
-        else:
-            result = batch.recursion(chain, state, base, bodies=bodies, threads=threads, dtype=form, out=target)
-    if result is None or not result.sound:
-        return _checked(chain, state, field, method, bodies, form, target)
-    return _report(result.torque, result.bodies, state.single)
-
-
-def _checked(
-    chain: Chain, state: State, gravity: Array, method: str, bodies: bool, form: np.dtype, target: Array | None
-) -> Array | InverseDynamics:
-    """Look at the numbers of the input, and use what takes any that are sound."""
+        found = recursion(chain, state, base, bodies=bodies, threads=threads, dtype=form, out=target, rows=rows)
+        return _report(found.torque, found.bodies, state.single)
     check_values(chain, state)
-    if method == "serial":
-        made = serial(chain, state, gravity)
-    else:
-        chosen = METHODS[method]
-        made = chosen.solve(chain, state, gravity, chosen.schedule(chain.parents), LocalTransport(len(chain)))
+    chosen = METHODS[method]
+    made = chosen.solve(chain, state, field, chosen.schedule(chain.parents), LocalTransport(len(chain)))
     torque = made.torque.astype(form, copy=False)
     if target is not None:
         target[...] = torque
         torque = target
-    rows = None
-    if bodies:
-        parts = (made.velocity, made.acceleration, made.force)
-        rows = np.concatenate([x.swapaxes(1, 2) for x in parts], axis=1).astype(form, copy=False)
-    return _report(torque, rows, state.single, made.rotation, made.position)
-
-
-def _report(
-    torque: Array, bodies: Array | None, single: bool, rotation: Array | None = None, position: Array | None = None
-) -> Array | InverseDynamics:
-    """Torque alone, or with the bodies' ``(n, 18, T)`` and what is known of their places."""
-    if single:
+    if state.single:
         torque = torque[0]
-    if bodies is None:
+    if not bodies:
         return torque
-    samples = bodies.transpose(2, 0, 1)
-    velocity, acceleration, force = (samples[..., k : k + 6] for k in (0, 6, 12))
-    if single:
-        velocity, acceleration, force = velocity[0], acceleration[0], force[0]
-    place = (_samples_first(part, single=single) for part in (rotation, position))
-    return InverseDynamics(velocity, acceleration, force, torque, *place)
+    names = ("velocity", "acceleration", "force", "rotation", "position")
+    outside = {name: getattr(made, name) for name in names if getattr(made, name) is not None}
+    parts = {name: _samples_first(x, state.single).astype(form, copy=False) for name, x in outside.items()}
+    return InverseDynamics(torque=torque, **parts)
 
 
 def placements(chain: Chain, q: ArrayLike) -> tuple[Array, Array]:
@@ -189,16 +164,27 @@ def placements(chain: Chain, q: ArrayLike) -> tuple[Array, Array]:
     """
     still = np.zeros((*np.shape(q)[:-1], chain.nv))
     state = check_state(chain, q, still, still, None)
-    found = compact.placements(chain, state, schedule.motion(chain.parents), LocalTransport(len(chain)))
-    rotation, position = (_samples_first(part, single=state.single) for part in found)
+    path = motion.leaf(joint_motion(chain, state))
+    whole = motion.view(outwards(path, schedule.motion(chain.parents), LocalTransport(len(chain))))
+    rotation, position = (_samples_first(x, state.single) for x in (whole.rotation, whole.translation))
     return rotation, position
 
 
-def _samples_first(values: Any, *, single: bool) -> Any:
+def _samples_first(values: Array, single: bool) -> Array:
     """Results ``(n, T, …)`` as ``(T, n, …)``, or as ``(n, …)`` for a single sample."""
-    if values is None:
-        return None
-    return values[:, 0] if single else np.moveaxis(values, 0, 1)
+    return values[:, 0] if single else values.swapaxes(0, 1)
+
+
+def _report(torque: Array, bodies: Array | None, single: bool) -> Array | InverseDynamics:
+    """Torque alone, or with the bodies' ``(T, n, 18)``."""
+    if single:
+        torque = torque[0]
+    if bodies is None:
+        return torque
+    velocity, acceleration, force = (bodies[..., k : k + 6] for k in (0, 6, 12))
+    if single:
+        velocity, acceleration, force = velocity[0], acceleration[0], force[0]
+    return InverseDynamics(velocity, acceleration, force, torque)
 
 
 def _format(dtype: DTypeLike) -> np.dtype:
@@ -211,7 +197,36 @@ def _format(dtype: DTypeLike) -> np.dtype:
     return form
 
 
-def _target(out: Array, shape: tuple[int, int], single: bool, form: np.dtype) -> Array:
+def _targets(
+    out: Array | InverseDynamics | None, sizes: tuple[int, int], nv: int, single: bool, form: np.dtype, *, bodies: bool
+) -> tuple[Array | None, Array | None]:
+    """Where the torques go, ``(T, nv)``, and motion and force of the bodies, ``(T, n, 18)``."""
+    if out is None:
+        return None, None
+    if not bodies:
+        return _target(out, (sizes[0], nv), single, form), None
+    rows = _rows_of(out, sizes, form) if isinstance(out, InverseDynamics) and out.torque.ndim == 2 - single else None
+    if rows is None:
+        raise InputError(
+            f"out: got {type(out).__name__}, expected what an earlier call returned with bodies=True and method "
+            f"'serial' for {sizes[0]} samples in {form}"
+        )
+    assert isinstance(out, InverseDynamics)
+    return _target(out.torque, (sizes[0], nv), single, form), rows
+
+
+def _rows_of(result: InverseDynamics, sizes: tuple[int, int], form: np.dtype) -> Array | None:
+    """``(T, n, 18)`` of which a result's arrays are parts; None if they are not."""
+    parts = [np.reshape(x, (-1, *x.shape[-2:])) for x in (result.velocity, result.acceleration, result.force)]
+    first, step = parts[0], form.itemsize
+    places = [part.ctypes.data - first.ctypes.data for part in parts]
+    alike = all(part.shape == (*sizes, 6) and part.dtype == form and part.strides == first.strides for part in parts)
+    if not alike or places != [0, 6 * step, 12 * step] or first.strides[1:] != (18 * step, step):
+        return None
+    return np.lib.stride_tricks.as_strided(first, (*sizes, 18), first.strides)
+
+
+def _target(out: object, shape: tuple[int, int], single: bool, form: np.dtype) -> Array:
     wanted = shape[1:] if single else shape
     if not isinstance(out, np.ndarray) or out.shape != wanted or out.dtype != form or not out.flags.writeable:
         given = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__

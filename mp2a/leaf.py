@@ -111,13 +111,13 @@ def joint_motion(chain: Chain, state: State) -> JointMotion:
     velocity, acceleration = np.empty((n, samples, 6)), np.empty((n, samples, 6))
     for group in chain.groups:
         at = group.bodies
-        turn, shift = group.joint.place(group.axes, np.moveaxis(state.q[:, group.q_columns], 0, 1))
+        turn, shift = group.joint.place(group.axes, state.q[:, group.q_columns].swapaxes(0, 1))
         placement = chain.rotations[at, None]
         rotation[at] = placement @ turn
         translation[at] = chain.translations[at, None] + apply(placement, shift)
         subspace = group.subspace[:, None]
-        velocity[at] = apply(subspace, np.moveaxis(state.v[:, group.v_columns], 0, 1))
-        acceleration[at] = apply(subspace, np.moveaxis(state.a[:, group.v_columns], 0, 1))
+        velocity[at] = apply(subspace, state.v[:, group.v_columns].swapaxes(0, 1))
+        acceleration[at] = apply(subspace, state.a[:, group.v_columns].swapaxes(0, 1))
     return JointMotion(rotation, translation, velocity, acceleration)
 
 
@@ -169,4 +169,4 @@ def _check_external(n: int, samples: int, single: bool, external: ArrayLike) -> 
         forces = forces[None]
     elif single or forces.shape != (samples, n, 6):
         raise InputError(f"external_forces: got shape {forces.shape}, expected {wanted}")
-    return np.moveaxis(forces, 0, 1)
+    return forces.swapaxes(0, 1)

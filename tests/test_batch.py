@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 import mp2a
 from mp2a import Chain, InputError, cores, kernels
 from mp2a.kernels import batch, library, long
-from mp2a.leaf import check_shapes, check_state, joint_motion
-from mp2a.methods import serial
-from mp2a.segments import load, motion
+from mp2a.leaf import check_shapes, check_state
+from mp2a.recursion import by_numpy, segment_by_numpy
 from mp2a.spatial import to_linear_first
 
 RESULTS = ("velocity", "acceleration", "force", "torque")
@@ -26,11 +25,11 @@ pytestmark = pytest.mark.skipif(not kernels.load().compiled, reason="no compiled
 seeds = st.integers(0, 2**32 - 1)
 
 
-def by_numpy(chain, state, forces, gravity):
+def numpy_results(chain, state, forces, gravity):
     """What numpy's recursion gives, samples first."""
-    found = serial(chain, check_state(chain, *state, forces), gravity)
-    bodies = (x.swapaxes(0, 1) for x in (found.velocity, found.acceleration, found.force))
-    return mp2a.InverseDynamics(*bodies, found.torque)
+    base = np.concatenate((np.zeros(6), -np.asarray(gravity), np.zeros(3)))
+    torque, bodies, _ = by_numpy(chain, check_state(chain, *state, forces), base)
+    return mp2a.InverseDynamics(bodies[..., :6], bodies[..., 6:12], bodies[..., 12:], torque)
 
 
 def agree(found, expected, tolerance):
@@ -68,7 +67,7 @@ def test_equals_numpy(n, samples, branching, seed, layouts, force, threads):
     forces = None if force == "none" else forces
     laid_out = [LAYOUTS[layout](x) for layout, x in zip(layouts, state, strict=True)]
     found = mp2a.rnea(chain, *laid_out, forces, gravity, bodies=True, threads=threads)
-    agree(found, by_numpy(chain, state, forces, gravity), 1e-12)
+    agree(found, numpy_results(chain, state, forces, gravity), 1e-12)
     torque = mp2a.rnea(chain, *laid_out, forces, gravity, threads=threads)
     assert relative_error(torque, found.torque) <= 1e-13
 
@@ -104,6 +103,21 @@ def test_torques_go_where_they_are_told(layout):
     one = np.empty(chain.nv)
     assert mp2a.rnea(chain, *(x[3] for x in state), out=one).base is not None
     assert relative_error(one, out[3]) <= 1e-13
+
+
+@pytest.mark.parametrize("samples", [None, 1, 21])
+@pytest.mark.parametrize("n", [6, long.WORTH_IT])
+def test_results_of_an_earlier_call_are_filled_again(n, samples):
+    chain = Chain.random(n)
+    old, new = (chain.random_state(samples, seed) for seed in (1, 2))
+    first, expected = (mp2a.rnea(chain, *state, bodies=True) for state in (old, new))
+    again = mp2a.rnea(chain, *new, bodies=True, out=first)
+    for name in RESULTS:
+        assert np.shares_memory(getattr(again, name), getattr(first, name))
+        assert np.array_equal(getattr(first, name), getattr(expected, name))
+    for wrong in (np.empty((1, 1)), mp2a.rnea(chain, *new, bodies=True, method="sweep") if n < 10 else expected.torque):
+        with pytest.raises(InputError, match="out: got"):
+            mp2a.rnea(chain, *new, bodies=True, out=wrong)
 
 
 @pytest.mark.parametrize("order", "CF")
@@ -185,7 +199,7 @@ def test_very_large_angles(angle):
     q, v, a = chain.random_state(12)
     q[7, 2] = angle
     assert not batch.recursion(chain, check_shapes(chain, q, v, a, None), EARTH).sound
-    expected = by_numpy(chain, (q, v, a), None, np.array([0, 0, -9.81]))
+    expected = numpy_results(chain, (q, v, a), None, np.array([0, 0, -9.81]))
     assert relative_error(mp2a.rnea(chain, q, v, a), expected.torque) <= 1e-13
 
 
@@ -222,10 +236,10 @@ def test_blocks_of_a_chain_in_lanes(n, seed, threads, force, mixed):
     chain = Chain.random(n, seed, ("revolute", "continuous", "prismatic") if mixed else ("revolute",))
     forces, _ = random_load(chain, None, seed)
     state = check_shapes(chain, *chain.random_state(seed=seed), forces if force else None)
-    base = np.random.default_rng(seed).normal(size=12)
-    expected = batch.recursion(chain, state, base, bodies=True)
+    base, tip = np.random.default_rng(seed).normal(size=12), np.random.default_rng(seed).normal(size=(1, 6))
+    expected = batch.recursion(chain, state, base, tip, bodies=True)
     for bodies in (False, True):
-        found = long.recursion(chain, state, base, bodies=bodies, threads=threads)
+        found = long.recursion(chain, state, base, tip, bodies=bodies, threads=threads)
         assert found.sound
         assert relative_error(found.torque, expected.torque) <= 1e-12
         assert relative_error(found.root, expected.root) <= 1e-12
@@ -237,9 +251,11 @@ def test_long_chain_takes_the_blocks_and_agrees_with_the_scans():
     state = chain.random_state(seed=2)
     assert long.fits(chain, 1)
     torque = mp2a.rnea(chain, *state)
-    assert (
-        relative_error(torque, by_numpy(chain, [x[None] for x in state], None, np.array([0, 0, -9.81])).torque) < 1e-9
-    )
+    expected = numpy_results(chain, [x[None] for x in state], None, np.array([0, 0, -9.81])).torque[0]
+    assert relative_error(torque, expected) < 1e-9
+    out = np.empty_like(torque)
+    assert mp2a.rnea(chain, *state, out=out) is not None
+    assert np.array_equal(out, torque)
     assert relative_error(torque, mp2a.rnea(chain, *state, method="sweep")) < 1e-9
     assert relative_error(torque, mp2a.rnea(chain, *(np.tile(x, (3, 1)) for x in state))[1]) < 1e-10
 
@@ -333,13 +349,7 @@ def test_chain_put_together_is_its_segments_put_together(n, samples, seed, force
     chain = Chain.random(n, seed, ("revolute", "continuous", "prismatic") if cut else ALL_JOINTS)
     forces, _ = random_load(chain, samples, seed)
     state = check_state(chain, *chain.random_state(samples, seed), forces if force else None)
-    paths = motion.leaf(joint_motion(chain, state))
-    loads = load.leaf(chain.masses, chain.coms, chain.origin_inertias, state.external, samples)
-    path, below = paths[0], np.zeros((samples, 28))
-    for step in paths[1:]:
-        path = motion.compose(path, step)
-    for step, own in zip(paths[::-1], loads[::-1], strict=True):
-        below = load.move(below + own, step)
+    path, below = segment_by_numpy(chain, state)
     for asked in (False, True):
         found = long.segment(chain, state, load=asked) if cut else batch.segment(chain, state, load=asked)
         assert found.sound
@@ -347,3 +357,12 @@ def test_chain_put_together_is_its_segments_put_together(n, samples, seed, force
     for part in range(28):  # its numbers differ in unit and size
         assert relative_error(found.load[:, part], below[:, part]) <= 1e-9 or abs(below[:, part]).max() < 1e-9
     assert relative_error(found.load, below) <= 1e-12
+
+
+def test_torques_of_a_long_chain_go_where_they_are_told():
+    chain = Chain.uniform(long.WORTH_IT)
+    state = chain.random_state()
+    out = np.full(len(chain), np.nan)
+    found = mp2a.rnea(chain, *state, out=out)
+    assert np.shares_memory(found, out)
+    assert np.array_equal(out, mp2a.rnea(chain, *state))

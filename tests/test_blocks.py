@@ -1,16 +1,18 @@
 """A block of bodies is to its neighbours what a body is, and inside it nothing is lost."""
 
+from functools import partial
+
 import numpy as np
 from helpers import ALL_JOINTS, random_load, relative_error
 from hypothesis import given
 from hypothesis import strategies as st
 
-import mp2a
 from mp2a import Chain, kernels
-from mp2a.leaf import check_state, joint_motion
+from mp2a.leaf import check_state
 from mp2a.methods import block
-from mp2a.segments import load, motion
-from mp2a.spatial import classical_to_spatial, force_to_child, spatial_to_classical
+from mp2a.recursion import by_numpy, recursion, segment, segment_by_numpy
+from mp2a.segments import motion
+from mp2a.spatial import classical_to_spatial, spatial_to_classical
 
 sizes = st.integers(1, 9)
 samples = st.integers(1, 10)
@@ -18,59 +20,61 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def block_of(m, samples, seed):
-    """Chain of all joint types with its state, the paths across its joints and the loads of its bodies."""
+    """Chain of all joint types with its state, and motion for its base."""
     chain = Chain.random(m, seed, ALL_JOINTS)
-    forces, gravity = random_load(chain, samples, seed)
+    forces, _ = random_load(chain, samples, seed)
     state = check_state(chain, *chain.random_state(samples, seed), forces)
-    paths = motion.leaf(joint_motion(chain, state))
-    loads = load.leaf(chain.masses, chain.coms, chain.origin_inertias, state.external, samples)
-    return chain, state, gravity, paths, loads
+    return chain, state, np.random.default_rng(seed).normal(size=(samples, 12))
+
+
+def velocity_and_acceleration(base):
+    """Velocity and classical acceleration ``(T, 6)`` of a base."""
+    return base[:, [0, 1, 2, 9, 10, 11]], base[:, 3:9]
 
 
 @given(sizes, samples, seeds)
-def test_a_block_presses_on_its_head_as_its_bodies_do(m, samples, seed):
-    _, _, _, paths, loads = block_of(m, samples, seed)
-    velocity, acceleration = np.random.default_rng(seed).normal(size=(2, samples, 6))
-    inside = block.expand(paths, loads, velocity, acceleration)
-    assert np.array_equal(inside.velocity[0], velocity)
-    assert np.array_equal(inside.acceleration[0], acceleration)
-    together = kernels.force(block.reduce(paths, loads), velocity, acceleration)
-    assert relative_error(together, inside.force[0]) < 1e-12
+def test_a_block_presses_on_its_base_as_its_load_does(m, samples, seed):
+    chain, state, base = block_of(m, samples, seed)
+    for reduce, solve in ((segment_by_numpy, by_numpy), (partial(segment, loaded=True), recursion)):
+        velocity, acceleration = velocity_and_acceleration(base)
+        together = kernels.force(reduce(chain, state)[1], velocity, classical_to_spatial(acceleration, velocity))
+        assert relative_error(together, solve(chain, state, base).root.T) < 1e-12
 
 
 @given(sizes, samples, seeds)
 def test_the_tail_is_at_the_end_of_the_path_to_it(m, samples, seed):
-    _, _, _, paths, loads = block_of(m, samples, seed)
-    velocity, acceleration = np.random.default_rng(seed).normal(size=(2, samples, 6))
-    inside = block.expand(paths, loads, velocity, acceleration)
-    head = motion.compose(block.tail(paths[:1]), block.tail(paths[:1]))  # a path of no length
-    head[:, 12:18], head[:, 18:] = velocity, acceleration
-    end = motion.compose(head, block.tail(paths))
-    assert relative_error(end[:, 12:18], inside.velocity[-1]) < 1e-12
-    assert relative_error(end[:, 18:], inside.acceleration[-1]) < 1e-12
+    chain, state, base = block_of(m, samples, seed)
+    velocity, acceleration = velocity_and_acceleration(base)
+    start = np.zeros((samples, 24))
+    start[:, [0, 4, 8]] = 1.0  # a path of no length, from something that stands still
+    start[:, 12:18], start[:, 18:] = velocity, classical_to_spatial(acceleration, velocity)
+    for reduce, solve in (
+        (segment_by_numpy, by_numpy),
+        (partial(segment, loaded=False), partial(recursion, bodies=True)),
+    ):
+        end = motion.compose(start, reduce(chain, state)[0])
+        last = (
+            (solve(chain, state, base, bodies=True) if solve is recursion else solve(chain, state, base))
+            .bodies[:, -1]
+            .T
+        )
+        assert relative_error(end[:, 12:18], last[:6].T) < 1e-12
+        assert relative_error(spatial_to_classical(end[:, 18:], end[:, 12:18]), last[6:12].T) < 1e-12
 
 
 @given(m=st.integers(2, 9), samples=samples, seed=seeds, data=st.data())
 def test_two_blocks_are_one(m, samples, seed, data):
-    """Wherever a chain is cut, inside and outside together give what the serial recursion gives."""
-    chain, state, gravity, paths, loads = block_of(m, samples, seed)
+    """Wherever a chain is cut, inside and outside together give what the whole gives."""
+    chain, state, base = block_of(m, samples, seed)
     at = data.draw(st.integers(1, m - 1))
-    whole = mp2a.rnea(chain, state.q, state.v, state.a, np.moveaxis(state.external, 1, 0), gravity, bodies=True)
-    expected = [np.moveaxis(x, 0, 1) for x in (whole.velocity, whole.acceleration, whole.force)]
-    spatial = classical_to_spatial(expected[1], expected[0])
-    outer = block.expand(paths[at:], loads[at:], expected[0][at], spatial[at])
-    inner = block.expand(paths[:at], loads[:at], expected[0][0], spatial[0])
-    # What the outer block takes, at the head of the inner one, and from there back to its tail.
-    across = block.tail(paths[:at])
-    at_head = kernels.carry(across, kernels.carry(paths[at], outer.force[0]))
-    turn, shift, _, _ = motion.view(across)
-    block.press(paths[:at], inner.force, force_to_child(turn, shift, at_head))
-    force = np.concatenate((inner.force, outer.force))
-    velocity = np.concatenate((inner.velocity, outer.velocity))
-    acceleration = np.concatenate((inner.acceleration, outer.acceleration))
-    assert relative_error(force, expected[2]) < 1e-12
-    assert relative_error(velocity, expected[0]) < 1e-12
-    assert relative_error(spatial_to_classical(acceleration, velocity), expected[1]) < 1e-12
+    whole = recursion(chain, state, base, bodies=True)
+    parts = [(block.cut(chain, cut), block.part(chain, state, cut)) for cut in (range(at), range(at, m))]
+    tail = whole.bodies[:, at - 1].T
+    outer = recursion(*parts[1], np.concatenate((tail[:3], tail[6:12], tail[3:6])).T, bodies=True)
+    inner = recursion(*parts[0], base, -outer.root.T, bodies=True)
+    assert relative_error(np.concatenate((inner.bodies, outer.bodies), axis=1), whole.bodies) < 1e-12
+    assert relative_error(np.concatenate((inner.torque, outer.torque), axis=1), whole.torque) < 1e-12
+    assert relative_error(inner.root, whole.root) < 1e-12
 
 
 @given(st.integers(1, 200), st.integers(1, 50))

@@ -3,6 +3,7 @@
 import fcntl
 import importlib.util
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -258,3 +259,16 @@ def test_rank_does_not_wait_for_long(tmp_path):
         compiled, why = report(start(tmp_path / "cache", code, PMIX_RANK="3"))
     assert not compiled
     assert "another process" in why
+
+
+@builds
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="features of x86-64")
+def test_processor_made_to_lack_features(cache, tmp_path):
+    ask = "import re; from mp2a.kernels import library; code = library.assembly('carry'); "
+    ask += "print(0, library._purpose(), *[len(re.findall(f'%{r}mm', code)) for r in 'xyz'])"
+    _, told = report(start(tmp_path / "cache", ask, MP2A_CPU_FEATURES="-sse3"))
+    purpose, small, *wide = told.split()
+    assert int(small) > 100
+    assert wide == ["0", "0"]
+    # They would be a file of their own.
+    assert not list(cache.glob(f"mp2a/*{purpose}*"))

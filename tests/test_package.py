@@ -15,8 +15,8 @@ MODULES = sorted(ROOT.rglob("*.py"))
 # From the bottom to the top; what is not named here stands above all of it.
 LAYERS = (
     "exceptions", "checks", "cores", "network", "spatial", "joints", "readers", "chain", "leaf", "segments",
-    "kernels", "schedule", "transport", "methods", "dynamics", "distributed", "arrangement", "formation", "launch",
-    "reference", "model", "bench", "simulator", "plot", "cli",
+    "kernels", "recursion", "schedule", "transport", "methods", "dynamics", "distributed", "arrangement", "formation",
+    "launch", "reference", "model", "bench", "simulator", "plot", "cli",
 )  # fmt: skip
 NOT_ON_A_RANK = (
     "matplotlib", "pinocchio", "rich", "typer", "click", "argparse", "mujoco", "scipy", "numba",

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from mp2a.chain import Chain
-from mp2a.leaf import check_state
-from mp2a.methods import METHODS
+from mp2a.leaf import State, check_state
+from mp2a.methods import METHODS, Method
 from mp2a.schedule import Round, Schedule, Transfer
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.base import Arrival
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 _ROBOTS = 64
 _BUDGET = 1.0
 _FEWEST, _MOST = 5, 2000
+_CALLS = 20
+"""Calls of something that takes less than the clock can tell."""
 
 
 class Costs(NamedTuple):
@@ -61,7 +63,35 @@ def method(name: str, samples: int, seed: int = 0) -> Costs:
         watch.marks.append(time.thread_time())
         return np.subtract(watch.marks[1::2], watch.marks[::2]).tolist()
 
-    return _sorted(schedule, _medians(once))
+    measured = _sorted(schedule, _medians(once))
+    return measured._replace(between={**measured.between, **_recorded(chosen, body, state, gravity, schedule)})
+
+
+def _recorded(chosen: Method, body: Chain, state: State, gravity: Array, schedule: Schedule) -> dict[str, float]:
+    """Seconds between the rounds of each recurrence, where rounds are recorded and done without the interpreter."""
+    from mpi4py import MPI
+
+    from mp2a.transport.link import MPILink
+    from mp2a.transport.mpi import MPITransport
+
+    transport = MPITransport(MPILink(MPI.COMM_SELF), schedule)
+    transport.begin(state.samples, sound=True)
+    chosen.solve(body, state, gravity, schedule, transport)
+    transport.flush()
+    found = {}
+    for name, program in transport.programs.items():
+        if program is not None:
+            arithmetic, rounds = program.without_messages(), len(schedule.recurrence(name))
+
+            def once(arithmetic: Callable[[], int] = arithmetic, rounds: int = rounds) -> list[float]:
+                began = time.thread_time()
+                for _ in range(_CALLS):
+                    arithmetic()
+                return [(time.thread_time() - began) / (_CALLS * rounds)]
+
+            found[name] = _medians(once)[0]
+    transport.close()
+    return found
 
 
 def relay(samples: int, seed: int = 0) -> Costs:

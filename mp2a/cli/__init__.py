@@ -10,7 +10,7 @@ from mp2a.bench.settings import ERROR
 from mp2a.cli import bench, check, march, model, plot, schedule, trace
 from mp2a.exceptions import InputError, MissingError
 
-_SUBCOMMANDS = (march, check, bench, plot, model, schedule, trace)
+_SUBCOMMANDS = (bench, check, plot, model, schedule, trace, march)
 _INTERRUPTED = 130
 
 

@@ -30,7 +30,7 @@ class Result(NamedTuple):
     torque: Array
     """``(T, nv)``"""
     bodies: Array | None
-    """``(n, 18, T)``: velocity, acceleration and force of each body, if asked for."""
+    """``(T, n, 18)``: velocity, acceleration and force of each body, if asked for."""
     root: Array
     """``(6, T)``: wrench that the chain puts on its base, about the base's origin and in its frame."""
     sound: bool
@@ -59,6 +59,7 @@ def recursion(
     threads: int | None = None,
     dtype: np.dtype | type = np.float64,
     out: Array | None = None,
+    rows: Array | None = None,
 ) -> Result | None:
     """Inverse dynamics of many samples; see `mp2a.kernels.recursion`.
 
@@ -80,7 +81,9 @@ def recursion(
     dtype
         Number format of the arithmetic and of the result, double or single.
     out
-        Where to put the torque, ``(T, nv)`` of this format.
+        Where to put the torque, ``(T, nv)`` of this format, if it is laid out as the input and does not overlap it.
+    rows
+        Where to put motion and force of the bodies, ``(T, n, 18)`` of this format.
 
     Returns
     -------
@@ -98,16 +101,15 @@ def recursion(
     base = np.ascontiguousarray(base, form.dtype)
     tip = np.zeros(6, form.dtype) if tip is None else np.ascontiguousarray(tip, form.dtype)
     padded = -(-samples // form.lanes) * form.lanes
-    output = np.empty((len(chain), 18, padded) if bodies else 0, form.dtype)
+    output = rows
+    if output is None or not output.flags.c_contiguous:
+        output = np.empty((samples, len(chain), 18) if bodies else 0, form.dtype)
     root = np.empty((6, padded), form.dtype)
     at = kernels.pointer
     ends = at(base), 12 * (base.ndim - 1), at(tip), 6 * (tip.ndim - 1)
     results = at(torque), _stride(torque, given.columnwise), at(output), padded, at(root), 0
     sound = _run(run, chain, given, ends, results, form, threads, bodies=bodies)
-    if out is not None and torque is not out:
-        out[...] = torque
-        torque = out
-    return Result(torque, output[..., :samples] if bodies else None, root[:, :samples], sound)
+    return Result(torque, output if bodies else None, root[:, :samples], sound)
 
 
 def segment(chain: Chain, state: State, *, load: bool, threads: int | None = None) -> Segment | None:

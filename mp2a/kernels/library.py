@@ -53,6 +53,10 @@ RANK_WAIT = 10.0
 BUILD_LIMIT = 120.0
 """Seconds after which a build has failed. Usually it takes one or two."""
 
+CPU_FEATURES = "MP2A_CPU_FEATURES"
+"""Environment variable with changes to the processor's features, in LLVM's words: ``-avx512f`` for kernels as a
+processor without AVX-512 would have them, ``-sse3`` for those of any x86-64."""
+
 _RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK")
 _POLL = 0.05
 _FAILURE_HOLDS = 600.0
@@ -129,7 +133,8 @@ def _checksum(*contents: bytes) -> str:
 def _purpose() -> str:
     """Name what a shared object has to be made for: this processor, and this version of the kernels."""
     sources = [path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.[cp]*"))]
-    return _checksum(_processor().encode(), platform.machine().encode(), mp2a.__version__.encode(), *sources)
+    target = _processor(), platform.machine(), os.environ.get(CPU_FEATURES, ""), mp2a.__version__
+    return _checksum(*(word.encode() for word in target), *sources)
 
 
 def _processor() -> str:
@@ -331,7 +336,7 @@ def _compile(name: str) -> tuple[Any, Any]:
             variable.linkage = "internal"
     target = llvm.Target.from_default_triple().create_target_machine(
         cpu=llvm.get_host_cpu_name(),
-        features=llvm.get_host_cpu_features().flatten(),
+        features=",".join(filter(None, (llvm.get_host_cpu_features().flatten(), os.environ.get(CPU_FEATURES)))),
         opt=3,
         reloc="pic",
         codemodel="default",

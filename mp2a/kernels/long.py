@@ -62,10 +62,14 @@ class Cut(NamedTuple):
 
 def fits(chain: Chain, samples: int) -> bool:
     """Tell whether a chain is cut: one sample, long, without branches, and one degree of freedom a joint."""
-    return samples == 1 and len(chain) >= WORTH_IT and chain.is_serial and set(chain.joints) <= set(_SINGLE_DEGREE)
+    if samples != 1 or len(chain) < WORTH_IT or not chain.is_serial:
+        return False
+    return all(group.joint.name in _SINGLE_DEGREE for group in chain.groups)
 
 
-def recursion(chain: Chain, state: State, base: Array, *, bodies: bool, threads: int | None) -> Result | None:
+def recursion(
+    chain: Chain, state: State, base: Array, tip: Array | None = None, *, bodies: bool, threads: int | None
+) -> Result | None:
     """Inverse dynamics of one sample of a chain that `fits`; as `mp2a.kernels.batch.recursion`."""
     reach, run = kernels.compiled("reach_lanes"), kernels.compiled("rnea_lanes" + ("_bodies" if bodies else ""))
     if reach is None or run is None:
@@ -73,18 +77,19 @@ def recursion(chain: Chain, state: State, base: Array, *, bodies: bool, threads:
     work = _prepare(chain, state, threads, bodies=bodies)
     groups, length = work.cut.groups, work.cut.length
     paths, root = np.empty((groups, 24, _LANES)), np.empty((groups, 6, _LANES))
-    output = np.empty((groups, length, 18, _LANES) if bodies else (groups, 0))
+    output = np.empty((groups, _LANES * length, 18) if bodies else (groups, 0))
     _through(work, reach, paths, None)
     steps = np.ascontiguousarray(paths.swapaxes(1, 2).reshape(-1, 24))
-    work.bases[...] = _bases(base, steps).reshape(groups, _LANES, 12)
+    work.bases[...] = _bases(np.reshape(base, 12), steps).reshape(groups, _LANES, 12)
     _through(work, run, output, root)
-    passed = _passed(steps, root.swapaxes(1, 2).reshape(-1, 6))
+    last = np.zeros(6) if tip is None else -(tip.reshape(2, 3) @ work.cut.last).ravel()
+    passed = _passed(steps, root.swapaxes(1, 2).reshape(-1, 6), last)
     work.tips[...] = passed[1:].reshape(groups, _LANES, 6)
     _through(work, run, output, root, again=1)
     work.cut.spare.append(work.scratch)
     n, rows = len(chain), None
     if bodies:
-        rows = output.transpose(0, 3, 1, 2).reshape(-1, 18)[:n, :, None]
+        rows = output.reshape(1, -1, 18)[:, :n]
     torque = work.columns[3].reshape(-1)
     return Result(torque[None, :n], rows, passed[0][:, None], work.sound and not work.verdicts.any())
 
@@ -202,9 +207,10 @@ def _bases(base: Array, paths: Array) -> Array:
     return np.concatenate((w, dw, a + cross(w, v), v), axis=1)
 
 
-def _passed(paths: Array, own: Array) -> Array:
-    """Return what each block puts on the one before it, ``(blocks + 1, 6)``; the last of these is nothing."""
-    passed = np.zeros((len(paths) + 1, 6))
+def _passed(paths: Array, own: Array, last: Array) -> Array:
+    """Return what each block puts on the one before it, ``(blocks + 1, 6)``, and what the last one bears."""
+    passed = np.empty((len(paths) + 1, 6))
+    passed[-1] = last
     for k in range(len(paths) - 1, -1, -1):
         passed[k] = own[k] + kernels.carry(paths[k], passed[k + 1])
     return passed

@@ -93,7 +93,7 @@ class Job(NamedTuple):
     torque: int
     torque_stride: int
     output: int
-    """``(n, 18, padded)``: velocity, acceleration and force of each body, where they are asked for."""
+    """``(T, n, 18)``: velocity, acceleration and force of each body, where they are asked for."""
     padded: int
     """T, made a multiple of the lanes."""
     root: int

@@ -17,7 +17,7 @@ from mp2a.kernels.inwards import inwards
 from mp2a.kernels.lanes import Real, integers
 from mp2a.kernels.outwards import outwards
 from mp2a.kernels.plan import AT, FORCE, FRAME, FROM, HOT, KEEP, RETURN, TOPOLOGY, V_COLUMN
-from mp2a.kernels.squares import gather, turn_out
+from mp2a.kernels.squares import gather, scatter, turn_out
 
 
 def recursion(real: Real, *, bodies: bool, lanewise: bool = False) -> Callable[..., None]:
@@ -51,7 +51,6 @@ def recursion(real: Real, *, bodies: bool, lanewise: bool = False) -> Callable[.
     def run(job_at: Any, first: Any, last: Any, scratch_at: Any, verdict_at: Any) -> None:
         job = integers(job_at)
         tables = there(job[AT.hot]), there(job[AT.frames]), integers(job[AT.topology])
-        tip, output, padded = there(job[AT.tip]), there(job[AT.output]), job[AT.padded]
         memory = aligned(there(scratch_at))
         final = job[AT.samples] - 1
         root = 3 * ring * lanes + motion * lanes
@@ -62,15 +61,15 @@ def recursion(real: Real, *, bodies: bool, lanewise: bool = False) -> Callable[.
             views, begin = where(job, memory, chunk * lanes)
             put(memory, root, nothing)
             if not job[AT.again]:
-                doubt = out(job, begin, doubt, tables, memory, views, output, padded)
-            carried = gather_six(tip, job[AT.tip_stride], begin, final)
+                doubt = out(job, begin, doubt, tables, memory, views)
+            carried = gather_six(there(job[AT.tip]), job[AT.tip_stride], begin, final)
             if not lanewise:
                 carried = without((nothing, carried, nine(tables[1], (job[AT.bodies] - 1) * FRAME)))
-            carried = back(job, begin, carried, tables, memory, views[3], output, padded)
+            carried = back(job, begin, carried, tables, memory, views[3])
             carried = total((carried, six_vectors(memory, root)))
             # What is not finite anywhere ends up here.
             doubt = doubt_results((doubt, carried))
-            put_apart(there(job[AT.root]), begin, padded, carried)
+            put_apart(there(job[AT.root]), begin, job[AT.padded], carried)
         if is_nan(doubt):
             integers(verdict_at)[0] = 1
 
@@ -80,7 +79,7 @@ def recursion(real: Real, *, bodies: bool, lanewise: bool = False) -> Callable[.
 def _out(real: Real, motion: int, *, bodies: bool, lanewise: bool) -> Any:
     """Motion of all bodies, and the wrenches that it takes."""
     lanes, ring = real.lanes, 2 * real.lanes
-    there, ahead, put, put_apart, staged = real.there(), real.ahead(), real.put(), real.put_apart(), stage(real)
+    there, ahead, put, report, staged = real.there(), real.ahead(), real.put(), scatter(real), stage(real)
     gather_motion, gather_six, motion_vectors = gather(real, motion), gather(real, 6), real.vectors(motion)
     one, three, six, nine = (real.record(count, lanewise=lanewise) for count in (1, 3, 6, 9))
     step = outwards(real, motion, lanewise=lanewise)
@@ -88,13 +87,13 @@ def _out(real: Real, motion: int, *, bodies: bool, lanewise: bool) -> Any:
     reported = real.lift(steps.reported, 12)
 
     @numba.njit(forceinline=True)
-    def out(job: Any, begin: Any, doubt: Any, tables: Any, memory: Any, views: Any, output: Any, padded: Any) -> Any:
-        final = job[AT.samples] - 1
+    def out(job: Any, begin: Any, doubt: Any, tables: Any, memory: Any, views: Any) -> Any:
+        n, final = job[AT.bodies], job[AT.samples] - 1
         hot, frames, topology = tables
         state = gather_motion(there(job[AT.base]), job[AT.base_stride], begin, final)
         put(memory, 3 * ring * lanes, state)
         ready = (0, 0)
-        for i in range(job[AT.bodies]):
+        for i in range(n):
             row = i * TOPOLOGY
             ready = staged(job, i, topology, views, begin, ready)
             if topology[row + FROM] >= 0:
@@ -109,7 +108,8 @@ def _out(real: Real, motion: int, *, bodies: bool, lanewise: bool) -> Any:
             if topology[row + KEEP] >= 0:
                 put(memory, topology[row + KEEP], state)
             if bodies:
-                put_apart(output, i * 18 * padded + begin, padded, reported((state, nine(frames, i * FRAME))))
+                moving = reported((state, nine(frames, i * FRAME)))
+                report(ahead(there(job[AT.output]), i * 18), n * 18, begin, final, moving)
         return doubt
 
     return out
@@ -118,15 +118,14 @@ def _out(real: Real, motion: int, *, bodies: bool, lanewise: bool) -> Any:
 def _back(real: Real, *, bodies: bool, lanewise: bool) -> Any:
     """Wrenches summed up towards the base, and the torques."""
     lanes, ring = real.lanes, 2 * real.lanes
-    zero, put, put_apart, empty, there = real.zero(), real.put(), real.put_apart(), turn_out(real), real.there()
+    zero, put, report, empty, there = real.zero(), real.put(), scatter(real), turn_out(real), real.there()
+    ahead = real.ahead()
     six_vectors, nine = real.vectors(6), real.record(9, lanewise=lanewise)
     step = inwards(real, lanewise=lanewise)
     total, turned = real.lift(steps.total, 6), real.lift(steps.turned, 6)
 
     @numba.njit(forceinline=True)
-    def back(
-        job: Any, begin: Any, carried: Any, tables: Any, memory: Any, torque: Any, output: Any, padded: Any
-    ) -> Any:
+    def back(job: Any, begin: Any, carried: Any, tables: Any, memory: Any, torque: Any) -> Any:
         n, final, nv = job[AT.bodies], job[AT.samples] - 1, job[AT.nv]
         frames, topology = tables[1], tables[2]
         null = zero()
@@ -135,8 +134,8 @@ def _back(real: Real, *, bodies: bool, lanewise: bool) -> Any:
             row = i * TOPOLOGY
             force = total((carried, six_vectors(memory, topology[row + FORCE])))
             if bodies:
-                place = (i * 18 + 12) * padded + begin
-                put_apart(output, place, padded, turned((force, nine(frames, i * FRAME))))
+                pressing = turned((force, nine(frames, i * FRAME)))
+                report(ahead(there(job[AT.output]), i * 18 + 12), n * 18, begin, final, pressing)
             carried = step(i, force, tables, memory, torque)
             if topology[row + FROM] >= 0:
                 to = topology[row + RETURN]

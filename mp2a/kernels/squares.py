@@ -14,7 +14,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from mp2a.kernels.lanes import Real
-from mp2a.kernels.symbols import INDEX, read, read_rows, splat, transpose, write
+from mp2a.kernels.symbols import INDEX, read, read_rows, splat, transpose, write, write_rows
 
 
 def gather(real: Real, columns: int) -> Any:
@@ -35,6 +35,22 @@ def gather(real: Real, columns: int) -> Any:
         return result(pointer, types.int64, types.int64, types.int64), emit
 
     return gather
+
+
+def scatter(real: Real) -> Any:
+    """``scatter(pointer, stride, first, last, vectors)``: `gather` the other way."""
+    lanes = real.lanes
+
+    @intrinsic
+    def scatter(context: Any, pointer: Any, stride: Any, first: Any, last: Any, vectors: Any) -> Any:
+        def emit(context: Any, builder: Any, form: Any, arguments: Sequence[Any]) -> Any:
+            starts = _row_starts(builder, lanes, *arguments[:4])
+            write_rows(builder, cgutils.unpack_tuple(builder, arguments[4]), starts)
+            return context.get_dummy_value()
+
+        return types.void(pointer, *[types.int64] * 3, vectors), emit
+
+    return scatter
 
 
 def turn_in(real: Real) -> Any:

@@ -3,21 +3,22 @@
 A block is a composite body. What it presses on its head with is a segment as that of one body is, and so is the path
 from head to head: ``compose(Q, J)``, with Q from the head of the block before to its tail and J across the own head's
 joint. Q comes from the rank before, in a round of its own. After it every method runs on blocks as on bodies; then
-each block works out its bodies from its head's motion and from what the bodies behind its tail press with.
+each block works out its bodies: those behind the head are a chain whose base moves as the head does and whose last body
+bears what is behind the tail.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from mp2a import kernels
 from mp2a.chain import Chain
-from mp2a.leaf import State, joint_motion, joint_torque
-from mp2a.methods.node import Method, Nodes
+from mp2a.leaf import State, joint_torque
+from mp2a.methods.node import Method, Nodes, single_bodies
 from mp2a.methods.result import InverseDynamics
+from mp2a.recursion import recursion, segment
 from mp2a.schedule import SHIFT, TAIL, Schedule
-from mp2a.segments import load, motion
-from mp2a.spatial import Array, classical_to_spatial, force_to_child, spatial_to_classical
+from mp2a.segments import motion
+from mp2a.spatial import Array, force_to_child
 from mp2a.transport.base import Transport
 from mp2a.transport.steps import Operation, Register, Use
 
@@ -27,18 +28,24 @@ _LAYOUT = {"tail": Register({"tail": motion.DOUBLES}), "path": Register({"path":
 _USES = {TAIL: Use("tail", after=(Operation("compose", "path", ("<tail", "path")),))}
 
 
-class Inside(NamedTuple):
-    """Motion and force of the bodies of a block, ``(m, T, 6)``."""
+class Block(NamedTuple):
+    """Consecutive bodies of a serial chain."""
 
-    velocity: Array
-    acceleration: Array
-    """Spatial."""
-    force: Array
-    """That each joint passes to its body."""
+    bodies: Chain
+    head: Chain
+    """The first alone."""
+    rest: Chain | None
+    """The others, if there are any."""
+
+
+def block_of(bodies: Chain) -> Block:
+    """Take a block apart."""
+    rest = cut(bodies, range(1, len(bodies))) if len(bodies) > 1 else None
+    return Block(bodies, bodies.body(0), rest)
 
 
 def solve(
-    method: Method, bodies: Chain, state: State, gravity: Array, schedule: Schedule, transport: Transport
+    method: Method, block: Block, state: State, gravity: Array, schedule: Schedule, transport: Transport
 ) -> InverseDynamics:
     """Inverse dynamics of the block of bodies that is this process's node.
 
@@ -46,8 +53,8 @@ def solve(
     ----------
     method
         What to do between blocks.
-    bodies
-        m bodies, a serial chain.
+    block
+        m bodies.
     state, gravity
         Of these bodies; ``(3,)`` m/s².
     schedule
@@ -60,86 +67,40 @@ def solve(
     InverseDynamics
         With arrays ``(m, T, 6)``, and ``(T, nv)``.
     """
-    paths = motion.leaf(joint_motion(bodies, state))
-    loads = load.leaf(bodies.masses, bodies.coms, bodies.origin_inertias, state.external, state.samples)
-    across = tail(paths)
-    inside: list[Inside] = []
+    bodies, head, rest = block
+    first, behind = single_bodies(head, part(bodies, state, range(1))), part(bodies, state, range(1, len(bodies)))
+    across, behind_head = segment(rest, behind, loaded=method.loaded) if rest else (_at_rest(state.samples), None)
+
+    def load() -> Array:
+        own = first.load()
+        return own if behind_head is None else own + behind_head
 
     def force(velocity: Array, acceleration: Array) -> Array:
-        inside.append(expand(paths, loads, velocity[0], classical_to_spatial(acceleration[0], velocity[0])))
-        return inside[0].force[:1].copy()
+        own = first.force(velocity, acceleration)
+        return own + recursion(rest, behind, _as_base(velocity[0], acceleration[0])).root.T if rest else own
 
-    nodes = Nodes(_shift(across, paths[0], schedule, transport), lambda: reduce(paths, loads)[None], force, blocks=True)
-    scan = method.scan(nodes, gravity, schedule, transport)
-    if not inside:
-        force(scan.velocity, scan.acceleration)
-    found = inside[0]
-    if scan.behind is not None:
+    path = _shift(across, first.path[0], schedule, transport)
+    scan = method.scan(Nodes(path, load, force, blocks=True), gravity, schedule, transport)
+    velocity, acceleration, force_on = scan.velocity, scan.acceleration, scan.force
+    torque = joint_torque(head, force_on)
+    if rest:
+        assert scan.behind is not None
         turn, shift, _, _ = motion.view(across)
-        press(paths, found.force, force_to_child(turn, shift, scan.behind[0]))
-    classical = spatial_to_classical(found.acceleration, found.velocity)
-    return InverseDynamics(found.velocity, classical, found.force, joint_torque(bodies, found.force))
+        tip = -force_to_child(turn, shift, scan.behind[0])
+        found = recursion(rest, behind, _as_base(velocity[0], acceleration[0]), tip, bodies=True)
+        assert found.bodies is not None
+        rows = found.bodies.swapaxes(0, 1)
+        velocity, acceleration, force_on = (
+            np.concatenate((x, rows[..., k : k + 6]))
+            for x, k in ((velocity, 0), (acceleration, 6), (force_on, 12))
+        )  # fmt: skip
+        torque = np.concatenate((torque, found.torque), axis=1)
+    return InverseDynamics(velocity, acceleration, force_on, torque)
 
 
-def tail(paths: Array) -> Array:
-    """Path from the head of a block to its tail, ``(T, 24)``.
-
-    Parameters
-    ----------
-    paths
-        Across each body's joint, ``(m, T, 24)``.
-    """
-    out = _at_rest(paths.shape[1])
-    for path in paths[1:]:
-        kernels.compose(out, path, out=out)
-    return out
-
-
-def reduce(paths: Array, loads: Array) -> Array:
-    """Put the bodies of a block together: what they press on its head with, ``(T, 28)``.
-
-    Parameters
-    ----------
-    paths
-        Across each body's joint, ``(m, T, 24)``.
-    loads
-        Of the single bodies, ``(m, T, 28)``.
-    """
-    out: Array = loads[-1].copy()
-    for path, own in zip(paths[:0:-1], loads[-2::-1], strict=True):
-        out = own + kernels.move(out, path)
-    return out
-
-
-def expand(paths: Array, loads: Array, velocity: Array, acceleration: Array) -> Inside:
-    """Work out the bodies of a block from the motion of its head, with nothing behind its tail.
-
-    Parameters
-    ----------
-    paths
-        Across each body's joint, ``(m, T, 24)``.
-    loads
-        Of the single bodies, ``(m, T, 28)``.
-    velocity, acceleration
-        Of the head, ``(T, 6)``; spatial.
-    """
-    whole = np.empty_like(paths)  # a path from something that stands still, so that a motion is a path
-    whole[0] = _at_rest(len(velocity))
-    whole[0, :, 12:18], whole[0, :, 18:] = velocity, acceleration
-    for i in range(1, len(paths)):
-        kernels.compose(whole[i - 1], paths[i], out=whole[i])
-    velocities, accelerations = whole[..., 12:18].copy(), whole[..., 18:].copy()
-    force = kernels.force(loads, velocities, accelerations)
-    for i in range(len(paths) - 1, 0, -1):
-        force[i - 1] += kernels.carry(paths[i], force[i])
-    return Inside(velocities, accelerations, force)
-
-
-def press(paths: Array, force: Array, behind: Array) -> None:
-    """Add to the forces ``(m, T, 6)`` of a block what the bodies behind take, ``(T, 6)`` at its tail."""
-    for i in range(len(paths) - 1, -1, -1):
-        force[i] += behind
-        behind = kernels.carry(paths[i], behind)
+def _as_base(velocity: Array, acceleration: Array) -> Array:
+    """Motion of a head as that of a base, ``(T, 12)``; classical acceleration."""
+    return np.concatenate((velocity[:, :3], acceleration, velocity[:, 3:]), axis=1)
 
 
 def _at_rest(samples: int) -> Array:
@@ -170,3 +131,10 @@ def cut(chain: Chain, bodies: range) -> Chain:
         np.arange(len(bodies)) - 1, chain.joints[part], chain.axes[part], chain.rotations[part],
         chain.translations[part], chain.masses[part], chain.coms[part], chain.inertias[part], chain.names[part],
     )  # fmt: skip
+
+
+def part(chain: Chain, state: State, bodies: range) -> State:
+    """State of consecutive bodies."""
+    q, v = (slice(starts[bodies.start], starts[bodies.stop]) for starts in (chain.q_starts, chain.v_starts))
+    external = None if state.external is None else state.external[bodies.start : bodies.stop]
+    return State(state.q[:, q], state.v[:, v], state.a[:, v], external, state.single)

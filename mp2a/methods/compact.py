@@ -1,7 +1,5 @@
 """The fewest bytes: one scan of motion outwards, then one of forces inwards, on a chain or a tree."""
 
-from mp2a.chain import Chain
-from mp2a.leaf import State, joint_motion
 from mp2a.methods.node import Nodes, Scan
 from mp2a.methods.sweep import LONGER, read_off
 from mp2a.schedule import FORCE, MOTION, Schedule
@@ -12,7 +10,6 @@ from mp2a.transport.steps import Operation, Register, Use
 
 DOUBLES = {MOTION: motion.DOUBLES, FORCE: 6}
 
-_PATHS = {"path": Register({"path": motion.DOUBLES}, copies=2)}
 _OUTWARDS = {MOTION: LONGER}
 _INWARDS = {
     FORCE: Use(
@@ -41,23 +38,28 @@ def compact(nodes: Nodes, gravity: Array, schedule: Schedule, transport: Transpo
     registers = transport.registers(layout, nodes.path.shape[1])
     registers["path"][:] = nodes.path
     transport.run(outwards, _OUTWARDS, registers)
-    velocity, acceleration = read_off(registers["path"], gravity)
+    path = registers["path"].copy()
+    velocity, acceleration = read_off(path, gravity)
     classical = spatial_to_classical(acceleration, velocity)
     registers["force"][:] = nodes.force(velocity, classical)
     if nodes.blocks:
         registers["behind"][:] = 0.0
     transport.run(schedule.recurrence("force"), _INWARDS_OF_BLOCKS if nodes.blocks else _INWARDS, registers)
     behind = registers["behind"].copy() if nodes.blocks else None
-    return Scan(velocity, classical, registers["force"].copy(), behind, registers["path"].copy())
+    return Scan(velocity, classical, registers["force"].copy(), behind, path)
 
 
-def placements(bodies: Chain, state: State, schedule: Schedule, transport: Transport) -> tuple[Array, Array]:
-    """Find by the rounds of motion alone where each body is: ``(n, T, 3, 3)`` and ``(n, T, 3)`` in the base frame.
+def outwards(path: Array, schedule: Schedule, transport: Transport) -> Array:
+    """Scan motion alone: paths from the base to all nodes, ``(nodes, T, 24)``.
 
-    The schedule is `mp2a.schedule.compact` or `mp2a.schedule.motion`.
+    Parameters
+    ----------
+    path
+        From each node's parent to it, ``(nodes, T, 24)``.
+    schedule, transport
+        With rounds of a recurrence "motion", as `mp2a.schedule.motion` has them.
     """
-    registers = transport.registers(_PATHS, state.samples)
-    registers["path"][:] = motion.leaf(joint_motion(bodies, state))
+    registers = transport.registers({"path": Register({"path": motion.DOUBLES}, copies=2)}, path.shape[1])
+    registers["path"][:] = path
     transport.run(schedule.recurrence("motion"), _OUTWARDS, registers)
-    rotation, position, _, _ = motion.view(registers["path"].copy())
-    return rotation, position
+    return registers["path"].copy()

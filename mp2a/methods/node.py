@@ -6,6 +6,7 @@ from typing import NamedTuple
 from mp2a.chain import Chain
 from mp2a.leaf import State, joint_motion, joint_torque
 from mp2a.methods.result import InverseDynamics
+from mp2a.recursion import segment
 from mp2a.schedule import Formation, Schedule
 from mp2a.segments import load, motion
 from mp2a.spatial import Array, body_force
@@ -37,7 +38,7 @@ class Scan(NamedTuple):
     """The part of it that goes to what is behind the node; None unless nodes are blocks. It comes from what was
     received, not from a difference, in which digits would be lost."""
     path: Array | None = None
-    """From the base, ``(nodes, T, 24)``; None if the method does not find it out."""
+    """From the base to the heads, ``(nodes, T, 24)``, where the method has it."""
 
 
 def single_bodies(bodies: Chain, state: State) -> Nodes:
@@ -53,7 +54,10 @@ def single_bodies(bodies: Chain, state: State) -> Nodes:
             out -= state.external
         return out
 
-    return Nodes(motion.leaf(joint_motion(bodies, state)), leaf, force, blocks=False)
+    path = (
+        segment(bodies, state, loaded=False)[0][None] if len(bodies) == 1 else motion.leaf(joint_motion(bodies, state))
+    )
+    return Nodes(path, leaf, force, blocks=False)
 
 
 class Work(NamedTuple):
@@ -80,11 +84,13 @@ class Method(NamedTuple):
     """Mean over the rounds."""
     scan: Callable[[Nodes, Array, Schedule, Transport], Scan]
     """``(nodes of this process, gravity, schedule, transport)`` to what they know after the exchanges."""
+    loaded: bool
+    """Whether it asks nodes for their load."""
 
     def solve(
         self, bodies: Chain, state: State, gravity: Array, schedule: Schedule, transport: Transport
     ) -> InverseDynamics:
         """Inverse dynamics of the bodies this process holds, each a node."""
-        scan = self.scan(single_bodies(bodies, state), gravity, schedule, transport)
-        place = () if scan.path is None else motion.view(scan.path)[:2]
-        return InverseDynamics(*scan[:3], joint_torque(bodies, scan.force), *place)
+        velocity, acceleration, force, _, path = self.scan(single_bodies(bodies, state), gravity, schedule, transport)
+        place = () if path is None else motion.view(path)[:2]
+        return InverseDynamics(velocity, acceleration, force, joint_torque(bodies, force), *place)

@@ -25,8 +25,8 @@ class InverseDynamics:
         ``τ = Hᵀ F``, ``(nv,)`` or ``(T, nv)``, N m and N.
     rotation, position
         Placement in the base frame, ``(n, 3, 3)`` and ``(n, 3)`` m, with T in front as above: the products X of the
-        same exchanges, from "sweep" and "compact"; else None, as with blocks of bodies on ranks. (In "kogge-stone" what
-        reaches the base goes on as a vector without its matrix.)
+        same exchanges. None from "kogge-stone", where what reaches the base goes on as a vector without its matrix,
+        from "serial", and where a rank holds several bodies.
     """
 
     velocity: Array

@@ -1,12 +1,10 @@
 """The whole inverse dynamics in one set of rounds, on a chain or a tree (theory, section 4)."""
 
-import numpy as np
-
 from mp2a import kernels
 from mp2a.methods.node import Nodes, Scan
 from mp2a.schedule import FORCE, MOTION, Schedule
 from mp2a.segments import load, motion
-from mp2a.spatial import Array, apply, spatial_to_classical, transpose
+from mp2a.spatial import Array, spatial_to_classical
 from mp2a.transport.base import Transport
 from mp2a.transport.steps import Operation, Register, Use
 
@@ -44,15 +42,16 @@ def sweep(nodes: Nodes, gravity: Array, schedule: Schedule, transport: Transport
     if nodes.blocks:
         registers["behind"][:] = 0.0
     transport.run(schedule.recurrence("sweep"), _USES_OF_BLOCKS if nodes.blocks else _USES, registers)
-    velocity, acceleration = read_off(registers["path"], gravity)
+    path = registers["path"].copy()
+    velocity, acceleration = read_off(path, gravity)
     force = kernels.force(registers["below"], velocity, acceleration)
     behind = kernels.force(registers["behind"], velocity, acceleration) if nodes.blocks else None
-    return Scan(velocity, spatial_to_classical(acceleration, velocity), force, behind, registers["path"].copy())
+    return Scan(velocity, spatial_to_classical(acceleration, velocity), force, behind, path)
 
 
 def read_off(path: Array, gravity: Array) -> tuple[Array, Array]:
     """Velocity and spatial acceleration ``(n, T, 6)`` of bodies whose paths reach the base, which falls with -g."""
     whole = motion.view(path)
     acceleration = whole.acceleration.copy()
-    acceleration[..., 3:] -= apply(transpose(whole.rotation), np.broadcast_to(gravity, (*path.shape[:-1], 3)))
+    acceleration[..., 3:] -= gravity @ whole.rotation
     return whole.velocity.copy(), acceleration

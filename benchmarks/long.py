@@ -1,0 +1,221 @@
+"""One sample of chains of up to a million bodies: time, memory, and pinocchio as far as its memory goes.
+
+    python benchmarks/long.py
+    python benchmarks/long.py --n 1000,100000 --markdown
+
+All contenders of all lengths take turns in one run. Writes results/long.json and draws results/long.png; memory is that
+of a process of its own for each length.
+"""
+
+import argparse
+import json
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
+from measure import Contender, Table, describe, machine, numbers, ratio, save, show, take_turns
+from rich.console import Console
+
+import mp2a
+from mp2a import Chain, kernels
+from mp2a.cores import available_memory
+from mp2a.kernels.long import WORTH_IT
+from mp2a.plot.style import FAINT, LOOKS, Look, canvas, curve, handle, legends, styled, target
+from mp2a.plot.style import save as save_figure
+from mp2a.reference import data_bytes
+
+OURS = {
+    1: Look("mp2a, 1 thread", "#0072B2", "o"),
+    2: Look("mp2a, 2 threads", "#000000", "X"),
+}
+"""Looks by number of threads."""
+
+PINOCCHIO = LOOKS["pinocchio"]._replace(label="pinocchio.rnea")
+HELD, ADDED = Look("chain and its state", "#56B4E9", "s"), Look("the call, at its peak", "#D55E00", "D")
+
+
+def main() -> None:
+    """Measure, save, draw and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--n", type=numbers, default=[8, 32, 128, 512, 10**3, 10**4, 10**5, 10**6], help="bodies")
+    parser.add_argument("--repeats", type=int, default=9, help="turns of each contender (default: 9)")
+    parser.add_argument("--markdown", action="store_true", help="print tables in Markdown")
+    parser.add_argument("--out", type=Path, default=Path("results/long.json"))
+    parser.add_argument("--memory", type=int, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.memory:
+        print(json.dumps(memory(options.memory)))
+        return
+    status = kernels.build()
+    if not status.compiled:
+        sys.exit(f"there are no compiled kernels: {status.why}")
+    with Console(stderr=True).status("") as spinner:
+        results: dict[str, Any] = {"machine": machine()}
+        lengths = results["lengths"] = []
+        contenders = {}
+        for n in options.n:
+            spinner.update(f"n = {n}: memory")
+            command = [sys.executable, __file__, "--memory", str(n)]
+            held = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+            spinner.update(f"n = {n}: chain")
+            began = time.perf_counter()
+            chain = Chain.random(n)
+            built = time.perf_counter() - began
+            state = random_state(n)
+            began = time.perf_counter()
+            mp2a.rnea(chain, *state)
+            lengths.append({"n": n, "build": built, "first": time.perf_counter() - began, "memory": held})
+            contenders |= ours(chain, state) | pinocchio(chain, state)
+        spinner.update("taking turns")
+        results["seconds"] = take_turns(contenders, options.repeats)
+    save(results, options.out)
+    print(describe(results["machine"]), end="\n\n")
+    show(tables(results), markdown=options.markdown)
+    out = target(options.out.with_suffix(".png"))
+    with styled():
+        print(save_figure(figure(results), out))
+
+
+def random_state(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Make one sample; `Chain.random_state` would give each body a generator of its own, which takes a minute."""
+    rng = np.random.default_rng(0)
+    return rng.uniform(-np.pi, np.pi, n), rng.normal(size=n) / np.sqrt(n), rng.normal(size=n) / np.sqrt(n)
+
+
+def ours(chain: Chain, state: tuple[np.ndarray, ...]) -> dict[str, Contender]:
+    """Make a contender for each number of threads that makes a difference; its "samples" are bodies."""
+    q, v, a = state
+    out = np.empty(len(chain))
+
+    def run(threads: int) -> Contender:
+        return Contender(lambda: mp2a.rnea(chain, q, v, a, threads=threads, out=out), len(chain))
+
+    counts = (1, 2) if len(chain) >= WORTH_IT else (1,)
+    return {f"{threads} {len(chain)}": run(threads) for threads in counts}
+
+
+def pinocchio(chain: Chain, state: tuple[np.ndarray, ...]) -> dict[str, Contender]:
+    """Make pinocchio's contender where its data fits in a third of the free memory and in a few seconds."""
+    free = available_memory()
+    if len(chain) > 512 or (free is not None and 3 * data_bytes(chain.nv) > free):
+        return {}
+    import pinocchio as pin
+
+    model = chain.to_pinocchio()
+    data = pin.Data(model)
+    return {f"pinocchio {len(chain)}": Contender(lambda: pin.rnea(model, data, *state), len(chain))}
+
+
+def memory(n: int) -> dict[str, float]:
+    """Measure this process, in bytes: what chain and state hold, and how much a call adds at its peak."""
+    small = Chain.random(WORTH_IT)
+    mp2a.rnea(small, *random_state(len(small)), threads=1)
+    del small
+    before = resident("VmRSS")
+    chain, state = Chain.random(n), random_state(n)
+    held = resident("VmRSS")
+    Path("/proc/self/clear_refs").write_text("5")  # the peak begins anew
+    mp2a.rnea(chain, *state, threads=1)
+    return {"held": held - before, "added": resident("VmHWM") - held}
+
+
+def resident(what: str) -> int:
+    """Read the resident memory of this process, or its peak, in bytes."""
+    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(what))
+
+
+def tables(results: dict[str, Any]) -> list[Table]:
+    """Make the table of lengths."""
+    seconds = results["seconds"]
+    last = max((int(name.split()[1]) for name in seconds if name.startswith("pinocchio")), default=None)
+    headings = ["n", "ns a body, 1 thread", "2 threads", "pinocchio", "pinocchio at this n, over 1 thread"]
+    if last:
+        headings += [f"pinocchio at {last}, over 1 thread", "over 2 threads"]
+    headings += ["first call", "chain made in", "bytes a body, chain and state", "call"]
+    rows = []
+    for found in results["lengths"]:
+        n = found["n"]
+        one, two, theirs = f"1 {n}", f"2 {n}", f"pinocchio {n}"
+        cells = [
+            f"{1e9 * statistics.median(seconds[name]):.3g}" if name in seconds else "-" for name in (one, two, theirs)
+        ]
+        cells.append(over(seconds, theirs, one))
+        if last:
+            cells += [over(seconds, f"pinocchio {last}", name) for name in (one, two)]
+        held = [f"{found['memory'][key] / n:.0f}" if n >= WORTH_IT else "-" for key in ("held", "added")]
+        rows.append([f"{n}", *cells, f"{1e3 * found['first']:.3g} ms", f"{1e3 * found['build']:.3g} ms", *held])
+    return [Table("one sample of a long chain", headings, rows)]
+
+
+def over(seconds: dict[str, list[float]], slow: str, fast: str) -> str:
+    """Write a ratio where there is one."""
+    return f"{ratio(seconds, slow, fast):.3g}×" if slow in seconds and fast in seconds else "-"
+
+
+def figure(results: dict[str, Any]) -> Figure:
+    """Draw time and memory over the number of bodies."""
+    drawn = canvas(7.2, 3.4)
+    left, right = drawn.subplots(1, 2)
+    for prefix, look in [*((str(threads), look) for threads, look in OURS.items()), ("pinocchio", PINOCCHIO)]:
+        points = [
+            (int(name.split()[1]), statistics.median(seconds) * int(name.split()[1]))
+            for name, seconds in results["seconds"].items()
+            if name.split()[0] == prefix
+        ]
+        if points:
+            curve(left, *np.array(points).T, look, gid=prefix)
+    lengths = [found for found in results["lengths"] if found["n"] >= WORTH_IT]
+    for key, look in (("held", HELD), ("added", ADDED)):
+        if lengths:
+            curve(right, *np.array([(found["n"], found["memory"][key]) for found in lengths]).T, look, gid=key)
+    known = [found["n"] for found in results["lengths"] if f"pinocchio {found['n']}" in results["seconds"]]
+    if known:
+        theirs = np.array([(n, data_bytes(n)) for n in known if data_bytes(n) > 1e4])
+        right.plot(*theirs.T, color=PINOCCHIO.color, linestyle=(0, (4, 2)), gid="pinocchio data")
+    largest = max(found["n"] for found in results["lengths"])
+    for axes, unit, title in ((left, "s", "time of one sample"), (right, "B", "memory")):
+        _log_axes(axes, unit)
+        axes.set_title(title)
+        _linear(axes, largest)
+    groups = [
+        ("measured, wall clock", [handle(look) for look in (*OURS.values(), PINOCCHIO)]),
+        (
+            "memory",
+            [handle(HELD), handle(ADDED), handle(Look("pinocchio.Data, 32 n³ bytes", PINOCCHIO.color, ""), "--")],
+        ),
+        ("for comparison", [handle(Look("linear in n", FAINT, ""), (0, (1, 1.5)))]),
+    ]
+    legends(drawn, groups)
+    return drawn
+
+
+def _log_axes(axes: Axes, unit: str) -> None:
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("number of bodies n")
+    axes.yaxis.set_major_locator(LogLocator(numticks=12))
+    axes.yaxis.set_major_formatter(EngFormatter(unit))
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_minor_formatter(NullFormatter())
+    axes.tick_params(which="minor", left=False, bottom=False)
+    axes.grid(True, which="major")
+
+
+def _linear(axes: Axes, largest: int) -> None:
+    """Draw a line of slope one through the last point of the lowest curve at the largest n."""
+    ends = [line.get_ydata()[-1] for line in axes.get_lines() if line.get_xdata()[-1] == largest]
+    if ends:
+        n = np.array([largest / 1e3, largest])
+        axes.plot(n, min(ends) * n / largest, color=FAINT, linestyle=(0, (1, 1.5)), linewidth=1.0, zorder=1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,120 @@
+"""The benchmark scripts run, and what they count and compare is right; how fast anything is, no test says."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import relative_error
+
+import mp2a
+from mp2a import Chain, kernels
+
+SCRIPTS = Path(__file__).parents[1] / "benchmarks"
+
+pytestmark = pytest.mark.skipif(not kernels.load().compiled, reason="no compiled kernels here")
+
+
+@pytest.fixture
+def scripts(monkeypatch):
+    """Folder of the scripts, from which they import each other."""
+    monkeypatch.syspath_prepend(SCRIPTS)
+
+
+def run(script, out, *arguments):
+    """Run a script; what it printed and wrote."""
+    command = [sys.executable, str(SCRIPTS / script), "--repeats", "2", "--out", str(out), "--markdown", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout, json.loads(out.read_text())
+
+
+def tables(text):
+    """Rows of cells of all Markdown tables in a text."""
+    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
+
+
+def test_batch(tmp_path):
+    printed, written = run("batch.py", tmp_path / "batch.json", "--n", "2,3", "--samples", "20", "--joints", "--others")
+    assert {row[0] for row in tables(printed)} > {"2", "3", "revolute", "free", "revolute, tree"}
+    for found in written["runs"]:
+        assert len(found["seconds"]) == 13
+        assert all(len(times) == 2 and min(times) > 0 for times in found["seconds"].values())
+        assert all(error <= (1e-4 if "float32" in name else 1e-13) for name, error in found["errors"].items())
+
+
+def test_some_contenders_only(tmp_path):
+    printed, written = run("batch.py", tmp_path / "batch.json", "--n", "3", "--contenders", "columns,rows")
+    assert list(written["runs"][0]["seconds"]) == ["rows", "columns"]
+    assert "pinocchio" not in printed
+
+
+def test_unknown_contender(tmp_path):
+    command = [sys.executable, str(SCRIPTS / "batch.py"), "--contenders", "rows,wheels"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert "wheels" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_long(tmp_path):
+    printed, written = run("long.py", tmp_path / "long.json", "--n", "4,9000")
+    assert [row[0] for row in tables(printed)[2:]] == ["4", "9000"]
+    assert set(written["seconds"]) == {"1 4", "pinocchio 4", "1 9000", "2 9000"}
+    assert (tmp_path / "long.png").stat().st_size > 10_000
+
+
+def test_roofline(tmp_path):
+    _, written = run("roofline.py", tmp_path / "roofline.json", "--n", "2,4", "--samples", "50")
+    assert all(set(found["seconds"]) == set(written["counts"]) for found in written["runs"])
+    # A layout is a matter of shuffles and not of arithmetic.
+    for detail in ("", " bodies"):
+        rows, columns = (dict(written["counts"][name + detail]) for name in ("rows", "columns"))
+        del rows["transposition"]
+        assert rows == columns
+    assert (tmp_path / "roofline.png").stat().st_size > 10_000
+
+
+def test_instructions_are_counted(scripts):
+    import llvmlite.binding as llvm
+
+    if not llvm.get_host_cpu_features().get("fma"):
+        pytest.skip("this processor has other instructions")
+    from counts import Count, chains, formula
+
+    from mp2a.kernels import algebra
+
+    assert formula(lambda a, b, c: a * b + c, 1, 1, 1) == Count(fused=1)
+    assert formula(lambda a, b: a * b, 1, 1) == Count(products=1)
+    assert formula(lambda a, b: a + b, 1, 1) == Count(sums=1)
+    assert formula(algebra.cross, 3, 3) == Count(fused=3, products=3)
+    assert formula(algebra.apply, 9, 3) == Count(fused=6, products=3)
+    assert all(0 < links < 30 for links in chains())
+
+
+def test_ratios_are_those_of_neighbours(scripts):
+    from measure import Contender, ratio, take_turns
+
+    assert ratio({"slow": [2.0, 30.0, 8.0], "fast": [1.0, 10.0, 2.0]}, "slow", "fast") == 3.0
+    called = {"one": 0, "two": 0}
+
+    def count(name):
+        called[name] += 1
+
+    times = take_turns({name: Contender(lambda name=name: count(name), 4) for name in called}, 3)
+    assert all(len(found) == 3 for found in times.values())
+    assert min(called.values()) > 3
+
+
+def test_other_libraries_get_the_same_chain(scripts, tmp_path):
+    from others import urdf
+
+    chain = Chain.random(7, seed=3, branching=2)
+    (tmp_path / "chain.urdf").write_text(urdf(chain))
+    read = Chain.from_urdf(tmp_path / "chain.urdf")
+    state = chain.random_state(5)
+    order = np.argsort(read.names)
+    q, v, a = (x[:, [int(name.removeprefix("joint")) for name in read.names]] for x in state)
+    assert relative_error(mp2a.rnea(read, q, v, a)[:, order], mp2a.rnea(chain, *state)) < 1e-12
