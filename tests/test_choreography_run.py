@@ -163,7 +163,9 @@ def test_robot_controller_is_equation_4_4(rows):
     x, y, excess, fx, fy = np.array(rows).T
     alpha = np.arctan2(np.abs(y), np.abs(x))
     linear = np.sign(x) * 0.7 * 0.5 * np.abs(1 + 3 * excess)
-    angular = 3 * np.sign(x * y) * alpha - 2 * np.sign(fx) * np.arctan2(fy, fx) * np.hypot(fx, fy)
+    # cos α₂ for the printed sgn(Fx), without its jump where an obstacle is abeam
+    away = np.arctan2(fy, fx)
+    angular = 3 * np.sign(x * y) * alpha - 2 * np.cos(away) * away * np.hypot(fx, fy)
     still = np.zeros(len(x), dtype=bool)
     got = follower.commands(np.column_stack((x, y)), excess, still, np.column_stack((fx, fy)), 0.5)
     np.testing.assert_allclose(got, np.column_stack((linear, angular)), atol=1e-9)

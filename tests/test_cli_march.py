@@ -99,7 +99,7 @@ def test_help_has_examples():
         (["--path", "0,0"], "points: got 1"),
         (["--path", "0,0 a,1"], "got 'a,1', expected 2 numbers"),
         (["--obstacle", "1,2"], "got '1,2', expected 3 numbers"),
-        (["--obstacle", "1,2,-3"], "got -3"),
+        (["--obstacle", "1,2,-3"], "got -3.0"),
         (["--obstacle", "0,0,1"], "robot 1 touches a wall or an obstacle at the start"),
         (["--spacing", "0.5"], "robot 1 touches robot 2 at the start"),
         (["--method", "magic"], "method: got 'magic'"),
@@ -118,7 +118,7 @@ def test_help_has_examples():
     ],
 )
 def test_what_is_wrong_is_said(tmp_path, arguments, message):
-    assert message in mp2a(*arguments, "--out", tmp_path / "x", "--write", "npz", expect=2).stderr
+    assert message in mp2a("--write", "npz", *arguments, "--out", tmp_path / "x", expect=2).stderr
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,10 @@ _SLOW = 0.05
 """m/s, below which a place has no direction of its own."""
 
 
+_FAR = 0.5
+"""m, beyond which an error counts as no larger: a robot far off heads back at an angle, and does not spin."""
+
+
 class Gains(NamedTuple):
     """How hard a robot is held to its setpoint."""
 
@@ -51,7 +55,7 @@ def commands(place: Array, velocity: Array, poses: Array, gains: Gains | None = 
     size = np.hypot(along, side)
     drift = np.where(size > _SLOW, np.arctan2(side * backwards, np.abs(along)), 0.0)
     speed = backwards * size * np.cos(np.where(size > _SLOW, 0.0, np.arctan2(side, np.abs(along))))
-    ahead, left = into_frame(point(place), poses).T
+    ahead, left = np.clip(into_frame(point(place), poses), -_FAR, _FAR).T
     off = wrap(place[:, 2] + drift - poses[:, 2])
     error = turn(off)
     linear = speed * error.real + k.along * ahead

@@ -76,7 +76,7 @@ class Marchers:
         sizes = np.full(len(here), model.length), np.full(len(here), model.width)
         seen = obstacles.look(into_frame(ground, here[whose]), whose, *sizes)
 
-        strange = np.isfinite(ground)
+        strange = np.ones(len(ground), dtype=bool)
         for memory in self._fellows:
             known = point(memory.at(sensed.stamps))[whose]
             strange &= ~(np.abs(ground - known) < np.hypot(model.length, model.width) / 2 + _SLACK)
@@ -92,9 +92,16 @@ class Marchers:
         most = np.array([model.max_speed, model.max_turn_rate])
         out: Array = np.clip(asked, -most, most)
         out[stopped, 0] = 0.0
+        # A robot that turns on the spot sweeps a circle with its corners.
+        distance = np.full(len(here), np.inf)
+        np.minimum.at(distance, whose, np.abs(ground - point(here)[whose]))
+        out[stopped & (distance < np.hypot(model.length, model.width) / 2 + _SLACK), 1] = 0.0
         out[self.march.state.failed] = 0.0
         self.leaders.append(np.column_stack((setpoints.pose[:, :2], np.zeros(len(here)))))
-        self._tell(sensed, np.stack((self.march.state.failed, stopped & ~self.march.state.failed, report.contact)))
+        self._tell(
+            sensed,
+            np.stack((self.march.state.failed, stopped & ~self.march.state.failed, distance < self.march.law.radius)),
+        )
         return out
 
     def _known(self) -> Complex:
