@@ -99,13 +99,14 @@ def test_help_has_examples():
         (["--path", "0,0"], "points: got 1"),
         (["--path", "0,0 a,1"], "got 'a,1', expected 2 numbers"),
         (["--obstacle", "1,2"], "got '1,2', expected 3 numbers"),
-        (["--obstacle", "1,2,-3"], "got -3.0"),
+        (["--obstacle", "1,2,-3"], "radius: got -3.0"),
         (["--obstacle", "0,0,1"], "robot 1 touches a wall or an obstacle at the start"),
         (["--spacing", "0.5"], "robot 1 touches robot 2 at the start"),
         (["--method", "magic"], "method: got 'magic'"),
         (["--speed", "0"], "got '0', expected a positive number"),
         (["--shape", "row", "--method", "kogge-stone"], "got a tree"),
         (["--robots", "R1=husky"], "expected one model for all"),
+        (["--robots", "tradr", "--speed", "0.7"], "--speed: got 0.7, expected at most 0.5 m/s of a TRADR"),
         (["--robots", "bicycle"], "--robots: got model 'bicycle'"),
         (["--write", "npz,film"], "--write: got 'film', expected one of npz"),
         (["--max-speed", "1"], "--max-speed: got 1.0 without a FILE"),
@@ -114,11 +115,12 @@ def test_help_has_examples():
         ([LISTING, "--world", LISTING], "cannot be read as TOML"),
         ([LISTING, "--start", "0,0"], "got '0,0', expected 3 numbers"),
         ([ROOM], "line 6"),
+        (["--out", "/dev/null/x/y"], "--out: /dev/null/x/y cannot be written"),
         (["no such file"], "cannot be read as text"),
     ],
 )
 def test_what_is_wrong_is_said(tmp_path, arguments, message):
-    assert message in mp2a("--write", "npz", *arguments, "--out", tmp_path / "x", expect=2).stderr
+    assert message in mp2a("--write", "npz", "--out", tmp_path / "x", *arguments, expect=2).stderr
 
 
 @pytest.mark.parametrize(

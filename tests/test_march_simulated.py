@@ -15,6 +15,7 @@ from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.odometry import Odometry, into_frame, onto_ground
 from mp2a.formation.robot_models import HUSKY, TRADR
 from mp2a.formation.tracking import commands
+from mp2a.plot.speeds import speeds_figure
 from mp2a.simulator import Dance, Marchers, Recorder, Simulation, World, box, disc, parse_world, read_world
 from mp2a.simulator.check import report
 from mp2a.simulator.drive import arc
@@ -184,6 +185,13 @@ def test_a_robot_waits_for_an_obstacle_and_says_so():
     assert simulation.poses[0, 0] + HUSKY.length / 2 < 2.9
 
 
+def test_the_picture_of_speeds_shows_the_distance_to_the_leader():
+    _, _, recording = dance(LISTINGS["7_1"], until=3)
+    lines = {line.get_gid(): line for axes in speeds_figure(recording).axes for line in axes.get_lines()}
+    np.testing.assert_array_equal(lines["leader distance 2"].get_ydata(), recording.gaps[:, 1])
+    assert set(lines["wanted distance 2"].get_ydata()) == {0.5}
+
+
 # ---- by dynamics -----------------------------------------------------------------------------------------------
 
 
@@ -290,6 +298,22 @@ ENTRIES = st.builds(
     KINDS,
     st.dictionaries(FIELDS, VALUES, max_size=3),
 )
+
+
+@given(st.lists(ENTRIES, max_size=3), st.sampled_from(["line", "row", "box"]))
+@settings(max_examples=40, deadline=None)
+def test_a_march_in_any_world_is_a_run_or_a_clear_error(entries, shape):
+    formation = Formation.of(shape, 3)
+    robots = Marchers(March(formation, PATH), HUSKY)
+    try:
+        world = parse_world("\n".join(entries))
+        simulation = Simulation(world, HUSKY, formation.layout.poses(np.zeros(3)))
+    except InputError as error:
+        assert str(error)
+        return
+    _, recording = drive(simulation, robots, 5.0)
+    assert np.isfinite(recording.poses).all()
+    assert (np.abs(recording.commands[:-1]) <= [HUSKY.max_speed, HUSKY.max_turn_rate]).all()
 
 
 @given(st.data())

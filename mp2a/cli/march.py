@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _BY_DYNAMICS: dict[str, Any] = {
     "n": None, "shape": "line", "spacing": 2.0, "path": ((0.0, 0.0), (20.0, 0.0), (20.0, 15.0)), "radius": 3.0,
-    "spline": False, "speed": 0.7, "method": "sweep",
+    "spline": False, "speed": None, "method": "sweep",
 }  # fmt: skip
 """What only a march by dynamics has, and what it is if not given."""
 _DANCED: dict[str, Any] = {"max_speed": None, "start": (0.0, 0.0, 0.0)}
@@ -68,7 +68,9 @@ def add(commands: Any) -> None:
     dynamics.add_argument("--path", type=_points, metavar='"X,Y X,Y …"', help="waypoints of the leader, m")
     dynamics.add_argument("--radius", type=positive_number, help="of rounded corners, m (default: 3)")
     dynamics.add_argument("--spline", action="store_true", default=None, help="a smooth curve through the waypoints")
-    dynamics.add_argument("--speed", type=positive_number, help="of the leader at most, m/s (default: 0.7)")
+    dynamics.add_argument(
+        "--speed", type=positive_number, help="of the leader at most, m/s (default: 70 %% of a robot's)"
+    )
     dynamics.add_argument("--method", help="of the scan (default: sweep)")
 
 
@@ -171,6 +173,10 @@ def _simulation(options: argparse.Namespace, plan: Plan) -> "Simulation":
     if options.obstacle:
         discs = [disc((x, y), radius) for x, y, radius in options.obstacle]
         world = World(world.walls, [*world.obstacles, *discs], world.name)
+    try:
+        options.out.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out: {options.out} cannot be written ({error.strerror})") from error
     return Simulation(world, plan.models, plan.poses, slip=SLIPS[options.slip])
 
 

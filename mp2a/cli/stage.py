@@ -100,6 +100,7 @@ def marched(options: argparse.Namespace, ranks: int | None) -> Marched:
     """Lay out a march by dynamics; its path is for the leader's process alone."""
     from mp2a.cli.check import robots
     from mp2a.formation import Formation, Limits, spline, waypoints
+    from mp2a.formation.choreography.constants import LEADER_SPEED_SHARE
     from mp2a.formation.robot_models import RobotModel
 
     model = robots(options.robots)
@@ -108,7 +109,10 @@ def marched(options: argparse.Namespace, ranks: int | None) -> Marched:
     if ranks is not None and options.n not in (None, ranks):
         raise InputError(f"--n: got {options.n} on {ranks} ranks, expected as many or none")
     formation = Formation.of(options.shape, options.n or ranks or 8, options.spacing)
-    limits = Limits(speed=options.speed, acceleration=min(Limits().acceleration, model.max_acceleration))
+    speed = LEADER_SPEED_SHARE * model.max_speed if options.speed is None else options.speed
+    if speed > model.max_speed:
+        raise InputError(f"--speed: got {speed}, expected at most {model.max_speed} m/s of a {model.name}")
+    limits = Limits(speed=speed, acceleration=min(Limits().acceleration, model.max_acceleration))
     path = spline(options.path, limits) if options.spline else waypoints(options.path, options.radius, limits)
     poses = formation.layout.poses(path.at(0.0).pose)
     seconds = options.seconds or path.duration + _SETTLING + 0.1 * len(formation)

@@ -8,7 +8,7 @@ from mp2a.formation.choreography.constants import CATCH_UP
 from mp2a.formation.choreography.follower import lanes
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.odometry import Odometry, into_frame, onto_ground
-from mp2a.simulator.observation import Event, Observation
+from mp2a.simulator.observation import Changes, Event, Observation
 from mp2a.spatial import Array
 
 _STILL = 0.02
@@ -43,7 +43,7 @@ class Dance:
         self.leaders: list[Array] = []
         self._odometry = Odometry(len(self.robots))
         self._stands = False
-        self._was = np.zeros((3, n), dtype=bool)
+        self._changes = Changes(self.robots)
 
     @property
     def done(self) -> bool:
@@ -67,23 +67,9 @@ class Dance:
         commands = dance.step(sensed.time, poses, twists, points)
         leaders = dance.state.leaders
         self.leaders.append(np.column_stack((lanes(leaders), -leaders.place[:, 0]))[mine])
-        self._report(sensed)
+        state, behind = dance.state, -leaders.place[:, 0]
+        fine = ~state.error
+        far = state.excess > (CATCH_UP - 1) * behind
+        now = (state.error, dance.blocked & fine, np.zeros(n, dtype=bool), far & fine)
+        self.events += self._changes.tell(sensed, *(x[mine] for x in now))
         return commands[mine]
-
-    def _report(self, sensed: Observation) -> None:
-        state = self.choreography.state
-        far = state.excess > (CATCH_UP - 1) * -state.leaders.place[:, 0]
-        now = np.stack((state.error, self.choreography.blocked & ~state.error, far & ~state.error))
-        for what, i in np.argwhere(now != self._was):
-            if i in self.robots and (text := _TEXTS[what][int(now[what, i])]):
-                x, y, _ = sensed.poses[np.flatnonzero(self.robots == i)[0]]
-                self.events.append(Event(sensed.time, int(i), (float(x), float(y)), f"robot {i + 1} {text}"))
-        self._was = now
-
-
-_TEXTS = (
-    ("", "is in its error state and stays there"),
-    ("goes on", "stops: something is in its way"),
-    ("has caught up", "is too far behind: it takes the shortest way"),
-)
-"""What is told when an error state, a stop and catching up end, and when they begin."""

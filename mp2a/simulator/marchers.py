@@ -12,13 +12,15 @@ from mp2a.formation.plane import Complex, point, turn
 from mp2a.formation.record import Record, row
 from mp2a.formation.robot_models import RobotModel
 from mp2a.formation.sensing import pack
-from mp2a.simulator.observation import Event, Observation
+from mp2a.simulator.observation import Changes, Event, Observation
 from mp2a.spatial import Array
 
 _NEAREST = 8
 """Fellow robots of a rigid shape that may be near enough to be taken for obstacles."""
 _NOWHERE = 1e9
 """m"""
+_LOST = 1.0
+"""m off its setpoint from which on it is told that a robot is far behind."""
 _SLACK = 0.15
 """m that a fellow robot may be off the place where it is to be, and is still not taken for an obstacle."""
 
@@ -56,7 +58,7 @@ class Marchers:
         m = len(self.robots)
         self._model = model
         self._odometry, self._fellows = Odometry(m), [Odometry(m) for _ in range(len(self._known().T))]
-        self._was = np.zeros((3, m), dtype=bool)
+        self._changes = Changes(self.robots)
         self._rows: list[tuple[Any, ...]] = []
 
     @property
@@ -98,10 +100,9 @@ class Marchers:
         out[stopped & (distance < np.hypot(model.length, model.width) / 2 + _SLACK), 1] = 0.0
         out[self.march.state.failed] = 0.0
         self.leaders.append(np.column_stack((setpoints.pose[:, :2], np.zeros(len(here)))))
-        self._tell(
-            sensed,
-            np.stack((self.march.state.failed, stopped & ~self.march.state.failed, distance < self.march.law.radius)),
-        )
+        failed = self.march.state.failed
+        touched, lost = distance < self.march.law.radius, np.abs(point(setpoints.pose) - point(here)) > _LOST
+        self.events += self._changes.tell(sensed, failed, stopped & ~failed, touched, lost & ~failed)
         return out
 
     def _known(self) -> Complex:
@@ -120,19 +121,3 @@ class Marchers:
         away = np.where(np.isfinite(away), away, _NOWHERE)
         out: Complex = point(state.pose)[:, None] + turn(state.pose[:, 2])[:, None] * away
         return out
-
-    def _tell(self, sensed: Observation, now: Any) -> None:
-        for what, k in np.argwhere(now != self._was):
-            if text := _TEXTS[what][int(now[what, k])]:
-                x, y, _ = sensed.poses[k]
-                i = int(self.robots[k])
-                self.events.append(Event(sensed.time, i, (float(x), float(y)), f"robot {i + 1} {text}"))
-        self._was = now
-
-
-_TEXTS = (
-    ("", "is in its error state and stays there"),
-    ("goes on", "stops: something is in its way"),
-    ("", "has an obstacle inside its radius"),
-)
-"""What is told when an error state, a stop and a contact end, and when they begin."""

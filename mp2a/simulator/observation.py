@@ -42,3 +42,38 @@ class Event(NamedTuple):
     place: tuple[float, float]
     """m in the ground frame."""
     text: str
+
+
+STATES = (
+    ("is in its error state and stays there", ""),
+    ("stops: something is in its way", "goes on"),
+    ("has an obstacle inside its radius", ""),
+    ("is far behind: it takes the shortest way", "has caught up"),
+)
+"""States of a robot that are worth telling: when it begins, and when it ends. Their order is that of `Changes.tell`."""
+
+
+class Changes:
+    """Tells when robots come into states and leave them.
+
+    Parameters
+    ----------
+    robots
+        Numbers of the m robots.
+    """
+
+    def __init__(self, robots: NDArray[np.intp]) -> None:
+        self._robots = robots
+        self._was = np.zeros((len(STATES), len(robots)), dtype=bool)
+
+    def tell(self, sensed: Observation, *now: NDArray[np.bool_]) -> list[Event]:
+        """Events since the last call, for the `STATES` ``(m,)`` each: error, stopped, contact, far behind."""
+        states = np.stack(now)
+        out = []
+        for what, k in np.argwhere(states != self._was):
+            if text := STATES[what][int(not states[what, k])]:
+                x, y, _ = sensed.poses[k]
+                i = int(self._robots[k])
+                out.append(Event(sensed.time, i, (float(x), float(y)), f"robot {i + 1} {text}"))
+        self._was = states
+        return out

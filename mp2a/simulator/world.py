@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mp2a.checks import array
+from mp2a.checks import array, positive
 from mp2a.exceptions import InputError
 from mp2a.spatial import Array
 
@@ -103,7 +103,13 @@ def disc(centre: ArrayLike, radius: float, sides: int = 32) -> Array:
     -------
     ndarray
         ``(sides, 2)`` m, counter-clockwise.
+
+    Raises
+    ------
+    InputError
+        If the radius is not positive and finite.
     """
+    positive("radius", radius)
     angles = 2 * np.pi * np.arange(sides) / sides
     reach = radius / np.cos(np.pi / sides)
     out: Array = np.asarray(centre) + reach * np.stack((np.cos(angles), np.sin(angles)), axis=-1)

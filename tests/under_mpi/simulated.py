@@ -1,0 +1,48 @@
+"""A simulated world on rank 0: every rank drives one robot, as it does in one process, and loads no geometry."""
+
+import sys
+
+import numpy as np
+from _formation import COMM, RANK, SIZE, Checks
+
+import mp2a
+from mp2a.formation import Formation, March, OneProcess, OverRanks, waypoints
+from mp2a.formation.robot_models import HUSKY
+from mp2a.simulator import Marchers
+from mp2a.simulator.ranks import perform
+
+check = Checks()
+SECONDS = 6.0
+PATH = waypoints([[0, 0], [9, 0]])
+formation = Formation.of("line", SIZE)
+
+
+def world_for(controller):
+    """Run the simulation; the last robot's sensor falls silent."""
+    from mp2a.simulator import Simulation, World, disc
+
+    simulation = Simulation(World([], [disc((4.5, 0.1), 0.3)]), HUSKY, formation.layout.poses(np.zeros(3)))
+    while simulation.time < SECONDS - 1e-9:
+        simulation.silence(SIZE - 1, simulation.time > 2.95)
+        simulation.step(controller(simulation.sense()))
+    return simulation.poses
+
+
+with mp2a.DistributedChain(COMM, formation.chain, "sweep") as ranks:
+    mine = Marchers(March(formation, PATH if RANK == 0 else None, OverRanks(ranks)), HUSKY)
+    poses = []
+    perform(COMM, mine, (lambda controller: poses.append(world_for(controller))) if RANK == 0 else None)
+if RANK:
+    check(not {"shapely", "matplotlib", "rich", "lark", "numba", "pinocchio"} & set(sys.modules), RANK)
+parts = COMM.gather((np.array(mine.leaders), mine.events, mine.record))
+check(bool(mine.march.state.failed[0]) == (RANK == SIZE - 1))
+if RANK == 0:
+    whole = Marchers(March(formation, PATH, OneProcess(formation.chain, "sweep")), HUSKY)
+    expected = world_for(whole.step)
+    check(np.abs(expected - poses[0]).max() < 1e-9)
+    leaders = np.concatenate([part[0] for part in parts], axis=1)
+    check(np.abs(leaders - np.array(whole.leaders)).max() < 1e-9)
+    check(sorted(event for part in parts for event in part[1]) == sorted(whole.events))
+    check(np.abs(whole.record.push).max() > 10)
+    check(np.abs(parts[-1][2].force[:, 0] - whole.record.force[:, -1]).max() < 1e-6)
+check.done()
