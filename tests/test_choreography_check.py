@@ -270,6 +270,21 @@ def test_command_prints_the_timeline_and_what_it_found(tmp_path):
     assert "line 4, column 7" in done.stdout
 
 
+def test_command_simulates_in_a_world(tmp_path):
+    room = SCENARIOS.parent / "worlds" / "thesis.toml"
+    done = mp2a(SCENARIOS / "listing_7_1.txt", "--world", room)
+    assert done.returncode == 0, done.stdout
+    assert "s with simulated robots; 0 mistakes" in done.stdout
+    narrow = tmp_path / "narrow.toml"
+    narrow.write_text("[[wall]]\npoints = [[-2, -1.0], [8, -1.0]]")
+    done = mp2a(SCENARIOS / "listing_7_1.txt", "--world", narrow)
+    assert done.returncode == 1
+    assert "m of a wall or an obstacle (line" in done.stdout
+    done = mp2a(SCENARIOS / "listing_7_1.txt", "--world", tmp_path / "none.toml")
+    assert done.returncode == 2
+    assert "cannot be read as a world file" in done.stderr
+
+
 def test_command_prints_a_demo_that_it_has_nothing_against(tmp_path):
     done = mp2a("--demo")
     assert (done.returncode, done.stdout) == (0, demo())
