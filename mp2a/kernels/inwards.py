@@ -48,7 +48,7 @@ def inwards(real: Real, *, lanewise: bool) -> Any:
             if kind >= PRISMATIC:
                 result = wrench[5:6]
                 if kind == SCREW:
-                    result = (screw_torque((wrench, two(frames, i * FRAME + 22))),)
+                    result = (screw_torque((wrench, two(hot, record + 16))),)
                 carried = single((wrench, turn + tilt, slide((load(memory, slot + 8 * lanes), place, tilt))))
             else:
                 result = wrench[2:3]

@@ -100,7 +100,7 @@ def _single(real: Real, motion: int, *, lanewise: bool) -> Any:
             turn = constant_turn((two(frames, offset),))
             state = prismatic((state, turn + tilt, slide((x, place, tilt)), rate, growth))
         elif kind == SCREW:
-            shares = two(frames, offset + 2)
+            shares = two(hot, i * HOT + 16)
             doubt = doubt_angle((doubt, share((x, shares[0])), one(hot, i * HOT + 15)[0]))
             turn = angle((share((x, shares[0])), one(hot, i * HOT + 15)[0]))
             x = share((x, shares[1]))

@@ -29,11 +29,12 @@ leaves for the way back, of its wrench, of its parent's state (-1: the body befo
 if others need it (else -1), and of the parent's wrench."""
 
 TOPOLOGY = 9
-HOT = 16
-"""Numbers a body in the first table: cosine and sine about x, place (3), mass, moment (3), inertia (6), angle."""
-FRAME = 24
+HOT = 18
+"""Numbers a body in the first table: cosine and sine about x, place (3), mass, moment (3), inertia (6), angle, and how
+much a `SCREW` turns and slides."""
+FRAME = 22
 """In the second: the user's frame (9), rotation of joints with several degrees of freedom (9), cosine and sine of the
-turn that a fork brings along, cosine and sine of the joint's angle, and how much a `SCREW` turns and slides."""
+turn that a fork brings along, cosine and sine of the joint's angle."""
 
 CACHE_LINE = 64
 """Bytes. Vectors that lie across two lines take twice the time."""
@@ -181,13 +182,13 @@ def make_plan(chain: Chain, format_: Format, *, bodies: bool) -> Plan:
     inertia = transpose(frames.user) @ chain.origin_inertias @ frames.user
     hot[:, 9:15] = inertia[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
     hot[:, 15] = frames.angle
+    hot[:, 17] = frames.kinds == PRISMATIC
+    hot[:, 16] = 1.0 - hot[:, 17]
     cold = np.empty((n, FRAME))
     cold[:, :9] = frames.user.reshape(n, 9)
     cold[:, 9:18] = frames.general.reshape(n, 9)
     cold[:, 18], cold[:, 19] = np.cos(frames.fork), np.sin(frames.fork)
     cold[:, 20], cold[:, 21] = np.cos(frames.angle), np.sin(frames.angle)
-    prismatic = frames.kinds == PRISMATIC
-    cold[:, 22], cold[:, 23] = ~prismatic, prismatic
     topology, vectors = _lay_out(chain, frames, 12 if bodies else 9, lanes)
     scratch = vectors * lanes + CACHE_LINE // format_.dtype.itemsize
     return Plan(hot.astype(format_.dtype), cold.astype(format_.dtype), topology, scratch)
