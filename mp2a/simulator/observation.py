@@ -48,7 +48,7 @@ STATES = (
     ("is in its error state and stays there", ""),
     ("stops: something is in its way", "goes on"),
     ("has an obstacle inside its radius", ""),
-    ("is far behind: it takes the shortest way", "has caught up"),
+    ("is far behind and catches up", "has caught up"),
 )
 """States of a robot that are worth telling: when it begins, and when it ends. Their order is that of `Changes.tell`."""
 
