@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mp2a.exceptions import InputError
-from mp2a.formation import Formation, March, waypoints
+from mp2a.formation import Formation, Limits, March, waypoints
 from mp2a.formation.choreography import follower
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
@@ -16,7 +16,7 @@ from mp2a.formation.odometry import Odometry, into_frame, onto_ground
 from mp2a.formation.robot_models import HUSKY, TRADR
 from mp2a.formation.tracking import commands
 from mp2a.plot.speeds import speeds_figure
-from mp2a.simulator import Dance, Marchers, Recorder, Simulation, World, box, disc, parse_world, read_world
+from mp2a.simulator import Dance, Marchers, Observation, Recorder, Simulation, World, box, disc, parse_world, read_world
 from mp2a.simulator.check import report
 from mp2a.simulator.drive import arc
 
@@ -142,6 +142,17 @@ def test_scenarios_of_the_thesis_are_danced_without_touching(name, model):
     assert (np.abs(recording.gaps[-1] - recording.leaders[-1, :, 2]) < 0.15).all()
 
 
+def test_a_dancer_puts_late_points_where_they_are_now():
+    """Seen 1.25 m ahead, and 0.3 m nearer since: too close to drive on, which it would not be otherwise."""
+    robot = Dance(Choreography(parse("robots R1\nrow R1 0 0\nmove 5 0"), HUSKY))
+    for time in (0.0, 0.3):
+        pose, stamp = np.array([[time - 0.5, 0.0, 0.0]]), np.array([time - 0.3])
+        seen = [np.array([[1.25, 0.0]])] if time else [np.empty((0, 2))]
+        told = robot.step(Observation(time, pose, np.zeros((1, 2)), seen, stamp, stamp + 0.3, np.array([True])))
+        assert (told[0, 0] == 0) == bool(time)
+    assert robot.choreography.blocked[0]
+
+
 @pytest.mark.parametrize("which", [0, 1])
 def test_a_robot_of_its_own_does_what_it_does_among_all(which):
     """What a rank does: one robot that knows its own pose and points alone gives the same commands."""
@@ -213,6 +224,14 @@ def test_fellow_robots_are_no_obstacles(shape):
     assert np.abs(march_.state.displacement.value[:, :2]).max() < 1e-9
     assert np.hypot(*(recording.gaps.T)).max() < np.inf
     assert recording.gaps.max() < 0.05
+
+
+def test_a_fast_predecessor_is_none_either():
+    """It has driven on by 0.3 m since it was seen, which is more than it may be off its place."""
+    path = waypoints([[0, 0], [12, 0]], limits=Limits(speed=0.99))
+    march_, _, recording = march("line", 3, until=8, path=path)
+    assert np.abs(march_.state.displacement.value[:, :2]).max() < 1e-9
+    assert np.abs(recording.poses[..., 1]).max() < 1e-6
 
 
 def test_a_silent_sensor_stops_its_robot_and_the_one_behind_does_not_run_into_it():
