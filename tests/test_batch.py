@@ -3,6 +3,8 @@
 import dataclasses
 import re
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -366,3 +368,24 @@ def test_torques_of_a_long_chain_go_where_they_are_told():
     found = mp2a.rnea(chain, *state, out=out)
     assert np.shares_memory(found, out)
     assert np.array_equal(out, mp2a.rnea(chain, *state))
+
+
+def test_many_callers_share_the_threads():
+    """Whoever finds the helpers busy works alone; nobody gets another's torques, and nobody waits for ever."""
+    cases = []
+    for n, samples in ((3, 40), (9, 300), (2, 9), (17, 64), (5, 1000)):
+        chain = Chain.random(n, seed=n)
+        state = chain.random_state(samples)
+        cases.append((chain, state, mp2a.rnea(chain, *state, threads=1)))
+
+    def call(k):
+        wrong = 0
+        for i in range(200):
+            chain, state, expected = cases[(i * (k + 1)) % len(cases)]
+            wrong += not np.array_equal(mp2a.rnea(chain, *state, threads=2 + (i + k) % 3), expected)
+            if i % 40 == k:
+                time.sleep(0.005)  # long enough for helpers to fall asleep
+        return wrong
+
+    with ThreadPoolExecutor(4) as callers:
+        assert list(callers.map(call, range(4), timeout=120)) == [0, 0, 0, 0]

@@ -9,6 +9,7 @@ versions do the work; `status` says why.
 """
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -75,6 +76,23 @@ def rounds() -> Callable[[int, int, int], int] | None:
     """Return what runs recorded rounds without the interpreter (``rounds.c``), or None without compiled kernels."""
     load()
     return cast("Callable[[int, int, int], int] | None", _run.get("rounds"))
+
+
+class Threads(NamedTuple):
+    """What threads share jobs with (``crew.c``)."""
+
+    help: Run
+    lead: Run
+    address: Callable[[Run], int]
+    """Of a kernel's code."""
+
+
+@cache
+def crew() -> Threads:
+    """Return what threads share jobs with; only where kernels are compiled."""
+    import ctypes
+
+    return Threads(_run["help"], _run["lead"], lambda kernel: ctypes.cast(kernel, ctypes.c_void_p).value or 0)  # type: ignore[arg-type]
 
 
 def _load(*, patient: bool) -> Status:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -13,15 +12,15 @@ from mp2a import cores, kernels
 from mp2a.chain import Chain
 from mp2a.kernels.library import Run
 from mp2a.kernels.plan import FORMATS, Format, Job, Plan, make_plan
-from mp2a.kernels.threads import share
+from mp2a.kernels.threads import CREW
 from mp2a.leaf import State
 from mp2a.spatial import Array
 
-_WORTH_A_THREAD = 20_000
+_WORTH_A_THREAD = 5_000
 """Bodies times samples from which on another thread gains more than waking it takes."""
 
-_PIECES = 8
-"""Most pieces of the work for each thread, so that one that is held up leaves some to the others."""
+_FEWEST_PIECES, _PIECES = 2, 8
+"""Pieces of the work for each thread, so that one that is held up leaves some to the others."""
 
 
 class Result(NamedTuple):
@@ -171,21 +170,12 @@ def _run(
     samples = len(given.held[0])
     chunks, work_there_is = -(-samples // form.lanes), len(chain) * samples
     threads = _threads(threads, work_there_is, chunks)
-    pieces = 1
-    if threads > 1:
-        pieces = min(chunks, threads * max(1, min(_PIECES, work_there_is // (threads * _WORTH_A_THREAD))))
+    pieces = min(chunks, threads * max(_FEWEST_PIECES, min(_PIECES, work_there_is // (threads * _WORTH_A_THREAD))))
     plan, at = _plan(chain, form, bodies), kernels.pointer
     tables = at(plan.hot), at(plan.frames), at(plan.topology)
     sizes = len(chain), samples, chain.nq, chain.nv, given.columnwise
     job: NDArray[np.int64] = np.array(Job._make((*sizes, *tables, *ends, *given.numbers, *results)), dtype=np.int64)
-
-    def work(numbers: Iterator[int]) -> bool:
-        memory, verdict = np.empty(plan.scratch, form.dtype), np.zeros(1, np.int64)
-        for k in numbers:
-            run(at(job), k * chunks // pieces, (k + 1) * chunks // pieces, at(memory), at(verdict))
-        return not verdict[0]
-
-    return all(share(work, pieces, threads))
+    return CREW.run(run, job, chunks, pieces, np.empty((threads, plan.scratch), form.dtype))
 
 
 def _threads(asked: int | None, work: int, chunks: int) -> int:

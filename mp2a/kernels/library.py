@@ -180,6 +180,10 @@ def _open(path: Path) -> dict[str, Run]:
     kernels["rounds"] = library["mp2a_rounds"]
     kernels["rounds"].argtypes = [ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_ssize_t]
     kernels["rounds"].restype = ctypes.c_longlong
+    for name, addresses in (("help", 3), ("lead", 1)):
+        kernels[name] = library[f"mp2a_{name}"]
+        kernels[name].argtypes = [ctypes.c_ssize_t] * addresses
+        kernels[name].restype = None
     return dict(kernels)
 
 
@@ -281,7 +285,8 @@ def make(folder: str, stem: str) -> None:
     from multiprocessing import get_context
 
     with tempfile.TemporaryDirectory(dir=folder, prefix="building-") as workshop:
-        objects, whole = [Path(__file__).with_name("rounds.c")], Path(workshop) / "kernels.so"
+        here = Path(__file__).parent
+        objects, whole = [here / "rounds.c", here / "crew.c"], Path(workshop) / "kernels.so"
         with ProcessPoolExecutor(usable_cores(), mp_context=get_context("fork")) as processes:
             for name, code in zip(ARGUMENTS, processes.map(machine_code, ARGUMENTS), strict=True):
                 objects.append(Path(workshop) / f"{name}.o")
