@@ -16,7 +16,7 @@ MODULES = sorted(ROOT.rglob("*.py"))
 LAYERS = (
     "exceptions", "checks", "cores", "network", "spatial", "joints", "readers", "chain", "leaf", "segments",
     "kernels", "schedule", "transport", "methods", "dynamics", "distributed", "arrangement", "formation", "launch",
-    "reference", "model", "bench", "simulator", "plot", "cli",
+    "reference", "model", "bench", "simulator", "robots", "plot", "cli",
 )  # fmt: skip
 NOT_ON_A_RANK = (
     "matplotlib", "pinocchio", "rich", "typer", "click", "argparse", "mujoco", "scipy", "numba",
