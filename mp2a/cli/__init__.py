@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 from mp2a import __version__
 from mp2a.bench.settings import ERROR
-from mp2a.cli import bench, check, model, plot, schedule, trace
+from mp2a.cli import bench, check, drive, model, plot, schedule, trace
 from mp2a.exceptions import InputError, MissingError
 
-_SUBCOMMANDS = (bench, check, plot, model, schedule, trace)
+_SUBCOMMANDS = (bench, check, drive, plot, model, schedule, trace)
 _INTERRUPTED = 130
 
 

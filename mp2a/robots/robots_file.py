@@ -19,7 +19,7 @@ ADAPTERS = ("dry", "simulator", "ros1", "ros2")
 ORIGINS = ("in-place", "fixed-frame")
 _MODEL_FIELDS = {field.name: field.type for field in dataclasses.fields(RobotModel) if field.name != "name"}
 _FIELDS = {field.name: field.type for field in dataclasses.fields(RobotInterface) if field.name != "model"}
-_TOPICS = ("command_topic", "human_topic", "odometry_topic", "points_topic", "sound_topic", "acquire", "release")
+_TOPICS = ("command_topic", "human_topic", "odometry_topic", "points_topic", "sound_topic", "ready_topic", "acquire", "release")
 _FRAMES = ("fixed_frame", "body_frame")
 
 

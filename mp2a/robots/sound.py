@@ -5,6 +5,8 @@ from typing import NamedTuple
 TEXT = "Obstacle is too close, I have to stop"
 BEEP_EVERY = 3.0
 """s"""
+_SAY, _BACKING_UP, _ONCE = -3, 1, 1
+"""Of ``sound_play/SoundRequest``; its beep is that of a lorry that backs up."""
 
 
 class Sound(NamedTuple):
@@ -29,3 +31,8 @@ def sound(before: Sound, blocked: bool, now: float) -> Sound:
     if now < before.next_beep - 1e-9:
         return Sound(None, False, before.next_beep)
     return Sound(None, True, before.next_beep + BEEP_EVERY)
+
+
+def sound_numbers(text: str | None) -> tuple[int, int]:
+    """Return ``sound`` and ``command`` of a ``sound_play/SoundRequest`` that says a text, or (None) beeps."""
+    return (_BACKING_UP if text is None else _SAY), _ONCE

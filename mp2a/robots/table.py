@@ -6,7 +6,7 @@ from mp2a.checks import positive
 from mp2a.exceptions import InputError
 from mp2a.formation.robot_models import HUSKY, TRADR, RobotModel
 
-SYNC_TOPIC, READY_TOPIC = "/sync", "/all_ready"
+SYNC_TOPIC = "/sync"
 """Where robots find each other and agree when to start (thesis, chapter 3)."""
 LEAST_RATE = 10.0
 """Hz below which the robots ignore commands (thesis, chapter 2)."""
@@ -48,6 +48,8 @@ class RobotInterface:
         ``sensor_msgs/PointCloud2`` without the robot's own body; empty: it has no LIDAR.
     sound_topic
         ``sound_play/SoundRequest``; empty: it is mute.
+    ready_topic
+        ``std_msgs/Bool``: whether all robots have been reached (thesis, chapter 3).
 
     Raises
     ------
@@ -71,6 +73,7 @@ class RobotInterface:
     odometry_topic: str = "/odometry/filtered"
     points_topic: str = "/points_filtered"
     sound_topic: str = "/robotsound"
+    ready_topic: str = "/all_ready"
 
     def __post_init__(self) -> None:
         for field in fields(self):
