@@ -70,7 +70,7 @@ class Start:
         if self._untested:
             return [f"test {self.role}"]
         self._take(self.role, self._proposals.get(self.role, now + self._lead), now)
-        return [f"test {self.role}", f"sync {self.role} {self._proposals[self.role]:.6f}"]
+        return [f"test {self.role}", f"sync {self.role} {self._proposals[self.role]!r}"]
 
     def hear(self, message: str, now: float) -> list[str]:
         """Take in a message that came over the channel, one's own included; returns answers to publish at once.

@@ -1,0 +1,338 @@
+"""Commands over a real ROS master, to robots in a physics engine."""
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mp2a import launch
+from mp2a.exceptions import MissingError
+from mp2a.formation.choreography.reading import parse
+from mp2a.formation.choreography.runner import Choreography
+from mp2a.formation.robot_models import HUSKY
+from mp2a.robots import sound
+from mp2a.robots.robots_file import within
+from mp2a.robots.sender import Sender
+from mp2a.robots.table import INTERFACES
+
+pytestmark = pytest.mark.ros
+ROOT = Path(__file__).parents[2]
+SCENARIOS = ROOT / "examples" / "scenarios"
+COLUMN = """robots R1 R2 R3 R4
+column R1;R2;R3;R4 2 0
+move 3 0
+move 3 -60
+move 3 60
+"""
+TO_THE_WALL = """robots R1
+row R1 0 0
+move 6 0
+"""
+
+
+def robots_toml(roles):
+    return 'adapter = "ros1"\n' + "".join(f'[robots.{role}]\nmodel = "husky"\nnamespace = "{role}"\n' for role in roles)
+
+
+class Run:
+    """What came of a drive."""
+
+    def __init__(self, output, records, seen, behind):
+        self.output, self.records, self.seen, self.behind = output, records, seen, behind
+
+    def gaps(self):
+        """Times between commands that arrived while the robots were driven, of all robots, s."""
+        return np.concatenate([np.diff([row[0] for row in one["arrivals"]]) for one in self.seen.values()])
+
+    def path_error(self, role):
+        """Distances of a robot from the line its place drew, m."""
+        rows = self.records[role]
+        line = np.column_stack((rows["place_x"], rows["place_y"]))
+        at = np.column_stack((rows["x"], rows["y"]))
+        return np.min(np.hypot(*(at[:, None] - line[None]).transpose(2, 0, 1)), axis=1)
+
+
+def drive(huskies, tmp_path, text, wall=None, during=None):
+    """Drive a scenario under mpirun, a rank a robot, in the physics engine."""
+    scenario = parse(text)
+    places = Choreography(scenario, HUSKY).places()
+    robots = huskies({role: place.tolist() for role, place in zip(scenario.robots, places, strict=True)}, wall)
+    (tmp_path / "scenario.txt").write_text(text)
+    (tmp_path / "robots.toml").write_text(robots_toml(scenario.robots))
+    program = [
+        sys.executable, "-m", "mp2a", "drive", str(tmp_path / "scenario.txt"), "--robots", str(tmp_path / "robots.toml"),
+        "--armed", "--record", str(tmp_path / "record"), "--longest", "150",
+    ]  # fmt: skip
+    done = launch.run(
+        len(places), program, timeout=300, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    seen, behind = robots.end()
+    assert done.returncode == 0, done.stdout[-3000:]
+    records = {}
+    for role in scenario.robots:
+        with (tmp_path / "record" / f"{role}.csv").open() as file:
+            rows = list(csv.DictReader(file))
+        records[role] = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+    return Run(done.stdout, records, seen, behind)
+
+
+def check_rate(run):
+    """At least 10 Hz, the rate below which robots ignore commands, at the 99th percentile gap."""
+    gaps = run.gaps()
+    print(f"gaps of {len(gaps)} commands: median {np.median(gaps):.4f} s, 99th percentile {np.percentile(gaps, 99):.4f} s")
+    print(f"physics {run.behind:.2f} s behind real time at the end")
+    assert np.percentile(gaps, 99) <= 0.1
+    assert np.median(gaps) == pytest.approx(0.05, abs=0.002)
+
+
+# ---- the wire --------------------------------------------------------------------------------------------------
+
+
+class Listener:
+    """Collects what arrives on a topic."""
+
+    def __init__(self, topic, kind):
+        import rospy
+
+        from mp2a.robots.ros1_node import connect
+
+        connect("test")
+        self.heard = []
+        self._subscriber = rospy.Subscriber(topic, kind, self._put, queue_size=100, tcp_nodelay=True)
+
+    def _put(self, message):
+        self.heard.append((time.monotonic(), message))
+
+    def close(self):
+        self._subscriber.unregister()
+
+
+PLANNER = """
+import sys, time
+from mp2a.robots.robots_file import within
+from mp2a.robots.sender import Sender
+from mp2a.robots.table import INTERFACES
+sender = Sender(within(INTERFACES["husky"], "wire"), "ros1", role="wire")
+print("up", flush=True)
+while True:
+    sender.send(0.5, 0.1)
+    time.sleep(0.1)
+"""
+
+
+def test_commands_arrive_at_rate_and_after_sigkill_only_zeros(master):
+    from geometry_msgs.msg import Twist
+
+    listener = Listener("/wire/nav/cmd_vel", Twist)
+    planner = subprocess.Popen([sys.executable, "-c", PLANNER], stdout=subprocess.PIPE, text=True)
+    assert planner.stdout.readline() == "up\n"
+    time.sleep(5)
+    planner.kill()
+    killed = time.monotonic()
+    planner.wait()
+    time.sleep(2)
+    listener.close()
+    driven = [(t, m) for t, m in listener.heard if m.linear.x]
+    gaps = np.diff([t for t, _ in driven])
+    print(f"{len(driven)} commands, median gap {np.median(gaps):.5f} s, longest {gaps.max():.4f} s")
+    assert np.percentile(gaps, 99) <= 0.1
+    assert np.mean(gaps) == pytest.approx(0.05, abs=0.001)
+    assert all((m.linear.x, m.angular.z) == (0.5, 0.1) for _, m in driven)
+    assert all(v == 0 for _, m in driven for v in (m.linear.y, m.linear.z, m.angular.x, m.angular.y))
+    zeros = [t for t, m in listener.heard if not m.linear.x]
+    print(f"first zero {zeros[0] - killed:.4f} s after SIGKILL")
+    assert len(zeros) >= 5
+    assert zeros[0] > driven[-1][0]
+    assert zeros[0] - killed < 0.5
+
+
+def test_stamped_commands(master):
+    from geometry_msgs.msg import TwistStamped
+
+    listener = Listener("/stamped/cmd_vel", TwistStamped)
+    interface = replace(within(INTERFACES["husky-jazzy"], "stamped"), rate=20.0)
+    sender = Sender(interface, "ros1", role="stamped")
+    for _ in range(10):
+        sender.send(0.3, 0.0)
+        time.sleep(0.05)
+    sender.close()
+    time.sleep(0.2)
+    listener.close()
+    assert listener.heard[0][1].twist.linear.x == 0.3
+    assert listener.heard[-1][1].twist.linear.x == 0.0
+    stamps = [m.header.stamp.to_sec() for _, m in listener.heard]
+    assert stamps == sorted(stamps)
+    assert abs(stamps[-1] - time.time()) < 5
+
+
+def test_the_human_wins(master):
+    """While somebody publishes on the human's topic nothing of ours arrives."""
+    import rospy
+    from geometry_msgs.msg import Twist
+
+    listener = Listener("/hand/nav/cmd_vel", Twist)
+    human = rospy.Publisher("/hand/cmd_vel", Twist, queue_size=1)
+    sender = Sender(within(INTERFACES["husky"], "hand"), "ros1", role="hand")
+
+    def spell(seconds, by_hand):
+        for _ in range(round(seconds / 0.05)):
+            sender.send(0.4, 0.0)
+            if by_hand:
+                human.publish(Twist())
+            time.sleep(0.05)
+
+    spell(0.5, False)
+    assert listener.heard
+    spell(0.3, True)
+    before = len(listener.heard)
+    spell(1.0, True)
+    assert len(listener.heard) == before
+    spell(1.2, False)
+    assert len(listener.heard) > before
+    sender.close()
+    listener.close()
+
+
+def test_nobody_listens(master):
+    with pytest.raises(MissingError, match="nobody listens to /nowhere/nav/cmd_vel"):
+        Sender(within(INTERFACES["husky"], "nowhere"), "ros1", role="nowhere")
+
+
+def test_sound_requests_are_those_of_sound_play(master):
+    """The sum by which ROS 1 tells types apart is that of Noetic's sound_play."""
+    from mp2a.robots.ros1_node import sound_request
+
+    kind = sound_request()
+    assert kind._type == "sound_play/SoundRequest"
+    assert kind._md5sum == "d098ce4a040686259137ece23a625167"
+    assert sound.sound_numbers("x") == (kind.SAY, kind.PLAY_ONCE)
+    assert sound.sound_numbers(None) == (kind.BACKINGUP, kind.PLAY_ONCE)
+
+
+def test_robots_without_mpi_start_together_over_sync(master):
+    """Three processes, each a robot of its own, agree over the topic /sync alone."""
+    program = (
+        "import sys\nfrom mp2a.robots.channel import agree\nfrom mp2a.robots.ros1 import Ros1Channel\n"
+        "from mp2a.robots.start import Start\nrole = sys.argv[1]\n"
+        "print(repr(agree(Start(role, ['R1', 'R2', 'R3'], 2.0), Ros1Channel(role, f'/{role}/all_ready'))))"
+    )
+    robots = []
+    for role in ("R1", "R2", "R3"):
+        robots.append(subprocess.Popen([sys.executable, "-c", program, role], stdout=subprocess.PIPE, text=True))
+        time.sleep(0.4)
+    agreed = {robot.communicate(timeout=60)[0] for robot in robots}
+    assert len(agreed) == 1
+    assert float(agreed.pop()) == pytest.approx(time.time(), abs=2.0)
+
+
+# ---- robots in a physics engine --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("listing", "formation_until"), [("listing_7_1", 1e9), ("listing_7_2", 50.0)])
+def test_two_robots_drive_a_scenario_of_the_thesis(huskies, tmp_path, listing, formation_until):
+    run = drive(huskies, tmp_path, (SCENARIOS / f"{listing}.txt").read_text())
+    check_rate(run)
+    first, second = run.records["R1"], run.records["R2"]
+    together = min(len(first["time"]), len(second["time"]))
+    apart = np.hypot(first["x"][:together] - second["x"][:together], first["y"][:together] - second["y"][:together])
+    apart = apart[first["time"][:together] < formation_until]
+    errors = [run.path_error(role).max() for role in run.records]
+    print(f"distance {apart.min():.2f} to {apart.max():.2f} m of 1.2; path errors {np.round(errors, 2)} m")
+    print("shares of a turn at the end", [run.records[role]["share"][-1] for role in run.records])
+    assert abs(first["time"][-1] - second["time"][-1]) < 3
+    assert np.abs(apart - 1.2).max() < 0.45
+    assert max(errors) < 0.5
+    for role, one in run.seen.items():
+        track = np.array(one["track"])
+        assert np.abs(track[-1, 4:]).max() < 0.05, f"{role} does not stand"
+
+
+def test_four_robots_follow_the_leader(huskies, tmp_path):
+    run = drive(huskies, tmp_path, COLUMN)
+    check_rate(run)
+    x, y = (np.array([run.records[f"R{k}"][name][-1] for k in range(1, 5)]) for name in "xy")
+    errors = [run.path_error(role).max() for role in run.records]
+    gaps = np.hypot(np.diff(x), np.diff(y))
+    print(f"gaps at the end {gaps.round(2)} m of 2; path errors {np.round(errors, 2)} m")
+    assert max(errors) < 0.5
+    np.testing.assert_allclose(gaps, 2.0, atol=0.4)
+
+
+def test_a_robot_stops_before_a_wall_and_says_so(huskies, tmp_path):
+    from mp2a.robots.ros1_node import connect, sound_request
+
+    connect("test")
+    heard = Listener("/R1/robotsound", sound_request())
+    run = drive(huskies, tmp_path, TO_THE_WALL, wall=4.0)
+    heard.close()
+    check_rate(run)
+    track = np.array(run.seen["R1"]["track"])
+    gap = 4.0 - track[:, 1].max() - HUSKY.length / 2
+    print(f"stands {gap:.2f} m before the wall")
+    assert 0.05 < gap < 0.56
+    assert np.abs(track[-20:, 4:]).max() < 0.05
+    assert [m.sound for _, m in heard.heard][:1] == [sound.sound_numbers(sound.TEXT)[0]]
+    assert heard.heard[0][1].arg == sound.TEXT
+
+
+def test_killed_planners_leave_robots_that_stand(huskies, tmp_path):
+    """SIGKILL to one rank while all drive: MPI ends the others, and every watchdog stops its robot."""
+    text = (SCENARIOS / "listing_7_1.txt").read_text()
+    scenario = parse(text)
+    places = Choreography(scenario, HUSKY).places()
+    robots = huskies({role: place.tolist() for role, place in zip(scenario.robots, places, strict=True)})
+    (tmp_path / "robots.toml").write_text(robots_toml(scenario.robots))
+    killed = []
+
+    def kill_when_driving():
+        while not killed:
+            time.sleep(0.2)
+            for pid in ranks():
+                if driving.is_set():
+                    os.kill(pid, signal.SIGKILL)
+                    killed.append(time.monotonic())
+                    return
+
+    def ranks():
+        """Processes that drive, not their watchdogs."""
+        out = []
+        for entry in Path("/proc").glob("[0-9]*"):
+            try:
+                words = (entry / "cmdline").read_bytes().split(b"\0")
+            except OSError:
+                continue
+            if b"drive" in words and str(tmp_path / "robots.toml").encode() in words and b"mpirun" not in words[0]:
+                out.append(int(entry.name))
+        return out
+
+    driving = threading.Event()
+    killer = threading.Thread(target=kill_when_driving)
+    killer.start()
+    threading.Timer(12.0, driving.set).start()
+    program = [
+        sys.executable, "-m", "mp2a", "drive", str(SCENARIOS / "listing_7_2.txt"), "--robots",
+        str(tmp_path / "robots.toml"), "--armed", "--quiet",
+    ]  # fmt: skip
+    done = launch.run(2, program, timeout=120, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    killer.join()
+    time.sleep(3)
+    seen, _ = robots.end()
+    assert done.returncode
+    for role, one in seen.items():
+        moving = [t for t, speed, turn in one["arrivals"] if speed or turn]
+        zeros = [t for t, speed, turn in one["arrivals"] if t > moving[-1]]
+        track = np.array(one["track"])
+        before = np.abs(track[track[:, 0] < killed[0], 4]).max()
+        print(f"{role}: drove {before:.2f} m/s, last command {moving[-1] - killed[0]:.2f} s after SIGKILL, {len(zeros)} zeros")
+        assert before > 0.3
+        assert len(zeros) >= 5
+        assert moving[-1] - killed[0] < 1.5
+        assert np.abs(track[-20:, 4:]).max() < 0.05
