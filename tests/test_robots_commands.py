@@ -236,7 +236,11 @@ def test_the_table_is_what_thesis_and_robots_say():
     for name, model in ROBOTS.items():
         interface = INTERFACES[name]
         assert interface.model == model
-        assert (interface.command_topic, interface.human_topic, interface.message) == ("/nav/cmd_vel", "/cmd_vel", "Twist")
+        assert (interface.command_topic, interface.human_topic, interface.message) == (
+            "/nav/cmd_vel",
+            "/cmd_vel",
+            "Twist",
+        )
         assert (interface.points_topic, interface.fixed_frame, interface.body_frame) == (
             "/points_filtered", "map", "base_link",
         )  # fmt: skip
@@ -264,9 +268,7 @@ def test_a_robots_file_overrides_the_table():
     found = robots_file.parse(FILE, ("R1", "R2"))
     assert (found.adapter, found.origin, str(found.world)) == ("ros1", "fixed-frame", "hall.toml")
     first, second = found.interfaces["R1"], found.interfaces["R2"]
-    assert first == dataclasses.replace(
-        INTERFACES["husky"], rate=25, model=dataclasses.replace(HUSKY, max_speed=0.6)
-    )
+    assert first == dataclasses.replace(INTERFACES["husky"], rate=25, model=dataclasses.replace(HUSKY, max_speed=0.6))
     assert second.command_topic == "/tradr2/nav/cmd_vel"
     assert second.acquire == "/tradr2/mux_cmd_vel/acquire"
     assert (second.fixed_frame, second.body_frame) == ("tradr2/map", "tradr2/base_link")
@@ -278,7 +280,11 @@ def test_a_robots_file_overrides_the_table():
     ("old", "new", "message"),
     [
         ('"husky"', '"husk"', "robots: robots.R1: model: got 'husk', expected one of husky, tradr"),
-        ("max_speed = 0.6", "max_speed = -1", "robots.R1: max_speed: got -1.0 for robot HUSKY, expected a positive number"),
+        (
+            "max_speed = 0.6",
+            "max_speed = -1",
+            "robots.R1: max_speed: got -1.0 for robot HUSKY, expected a positive number",
+        ),
         ("max_speed = 0.6", "max_sped = 1", "robots.R1: got 'max_sped', expected one of model, namespace"),
         ("max_speed = 0.6", "rate = 5", "robots.R1: rate: got 5 Hz, expected at least 10"),
         ("max_speed = 0.6", 'rate = "20"', "robots.R1: rate: got '20', expected a number"),

@@ -36,7 +36,9 @@ def add(commands: Any) -> None:
     parser.add_argument("--armed", action="store_true", help="send commands to real robots")
     parser.add_argument("--role", help="drive this robot alone, and start with the others over ROS topics")
     parser.add_argument("--max-speed", type=positive_number, metavar="V", help="v_max, m/s (default: slowest robot's)")
-    parser.add_argument("--longest", type=positive_number, metavar="S", default=3600.0, help="end after S s in any case")
+    parser.add_argument(
+        "--longest", type=positive_number, metavar="S", default=3600.0, help="end after S s in any case"
+    )
     parser.add_argument("--record", type=Path, metavar="DIR", help="write ROLE.csv of every tick")
     parser.add_argument("--quiet", action="store_true", help="do not print commands")
 

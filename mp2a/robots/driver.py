@@ -24,8 +24,8 @@ class Step(NamedTuple):
     """s since the start."""
     pose: Array
     """``(3,)`` in the planner's ground frame, m and rad."""
-    place: Array
-    """``(3,)`` where the planner has it."""
+    leader: Array
+    """``(2,)`` m: the point whose path it is to follow."""
     twist: Array
     """``(2,)`` measured."""
     command: Array
@@ -86,7 +86,7 @@ class Driver:
         self._sent = command
         self._make_sound(t, decision.blocked and not sensed.human)
         step = Step(
-            t, sensed.pose, self._planner.place(), sensed.twist, command, slip.share(self._slip, sensed.twist[0]),
+            t, sensed.pose, self._planner.leader(), sensed.twist, command, slip.share(self._slip, sensed.twist[0]),
             decision.blocked, decision.error, sensed.human, decision.done,
         )  # fmt: skip
         self.steps.append(step)
@@ -115,24 +115,26 @@ class Driver:
             self.robot.warn(None)
 
     def save(self, path: Path) -> None:
-        """Write all ticks as CSV: time, pose, place, measured and sent speeds, share of a turn, flags."""
+        """Write all ticks as CSV: time, pose, its leader, measured and sent speeds, share of a turn, flags."""
         with path.open("w", newline="") as file:
             writer = csv.writer(file)
             writer.writerow(COLUMNS)
             for step in self.steps:
                 flags = [int(flag) for flag in (step.blocked, step.error, step.human)]
-                numbers = (step.time, *step.pose, *step.place, *step.twist, *step.command, step.share)
+                numbers = (step.time, *step.pose, *step.leader, *step.twist, *step.command, step.share)
                 writer.writerow([*(f"{number:.6g}" for number in numbers), *flags])
 
 
 COLUMNS = (
-    "time", "x", "y", "heading", "place_x", "place_y", "place_heading", "speed", "turn_rate", "linear_x", "angular_z",
+    "time", "x", "y", "heading", "leader_x", "leader_y", "speed", "turn_rate", "linear_x", "angular_z",
     "share", "blocked", "error", "human",
 )  # fmt: skip
 """Of a record: s, m and rad in the ground frame, m/s, rad/s; flags are 0 or 1."""
 
 
-def run(drivers: Sequence[Driver], pace: Pace, longest: float, tell: Callable[[Driver, Step], None] | None = None) -> bool:
+def run(
+    drivers: Sequence[Driver], pace: Pace, longest: float, tell: Callable[[Driver, Step], None] | None = None
+) -> bool:
     """Drive until all are through.
 
     Parameters

@@ -44,11 +44,15 @@ def roles_of_this_process(
         if comm is not None:
             raise InputError(f"--role: got {role} under mpirun, expected no role there: every rank is a robot")
         if adapter == "simulator":
-            raise InputError("--role: got the adapter simulator, expected all its robots in one process or under mpirun")
+            raise InputError(
+                "--role: got the adapter simulator, expected all its robots in one process or under mpirun"
+            )
         return (role,)
     if comm is not None:
         if comm.size != len(roles):
-            raise InputError(f"mpirun: got {comm.size} ranks, expected {len(roles)}, one for each of {', '.join(roles)}")
+            raise InputError(
+                f"mpirun: got {comm.size} ranks, expected {len(roles)}, one for each of {', '.join(roles)}"
+            )
         return (roles[comm.rank],)
     if adapter in REAL and len(roles) > 1:
         raise InputError(f"--role: got none, expected one of {', '.join(roles)}, or mpirun -n {len(roles)}")
@@ -157,4 +161,4 @@ def _channel(adapter: str, role: str, interface: RobotInterface, comm: "MPI.Comm
         return Ros1Channel(role, interface.ready_topic)
     from mp2a.robots.ros2 import Ros2Channel
 
-    return Ros2Channel(role, interface.ready_topic)
+    return Ros2Channel(interface.ready_topic)

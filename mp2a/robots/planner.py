@@ -5,6 +5,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from mp2a.exceptions import InputError
+from mp2a.formation.choreography import follower
 from mp2a.formation.choreography.places import compose
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.robots.interface import NO_POSE, Sensed
@@ -29,6 +30,9 @@ class Planner(Protocol):
 
     def place(self) -> Array:
         """Pose ``(3,)`` in the planner's ground frame that the robot is to have at present."""
+
+    def leader(self) -> Array:
+        """Point ``(2,)`` in the planner's ground frame whose path the robot is to follow."""
 
     def decide(self, t: float, sensed: Sensed) -> Decision:
         """Decide at ``t`` s after the start; the pose is in the planner's ground frame."""
@@ -60,6 +64,11 @@ class ChoreographyPlanner:
     def place(self) -> Array:
         """Where the choreography has the robot at present."""
         out: Array = self.dance.places()[self._own]
+        return out
+
+    def leader(self) -> Array:
+        """Where the robot's own leader is: the virtual leader, moved sideways into the robot's lane."""
+        out: Array = follower.lanes(self.dance.state.leaders)[self._own]
         return out
 
     def decide(self, t: float, sensed: Sensed) -> Decision:

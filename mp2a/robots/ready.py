@@ -26,5 +26,7 @@ def wait_until_ready(robot: Robot, what: str, longest: float = 30.0) -> None:
             return
         if time.monotonic() > deadline:
             missing = [name for name, there in (("pose", pose), ("odometry", twist), ("points", points)) if not there]
-            raise MissingError(f"{what}: no {' and no '.join(missing)} for {longest:g} s; are its topics right and its nodes on?")
+            raise MissingError(
+                f"{what}: no {' and no '.join(missing)} for {longest:g} s; are its topics right and its nodes on?"
+            )
         time.sleep(0.05)

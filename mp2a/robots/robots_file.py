@@ -19,7 +19,10 @@ ADAPTERS = ("dry", "simulator", "ros1", "ros2")
 ORIGINS = ("in-place", "fixed-frame")
 _MODEL_FIELDS = {field.name: field.type for field in dataclasses.fields(RobotModel) if field.name != "name"}
 _FIELDS = {field.name: field.type for field in dataclasses.fields(RobotInterface) if field.name != "model"}
-_TOPICS = ("command_topic", "human_topic", "odometry_topic", "points_topic", "sound_topic", "ready_topic", "acquire", "release")
+_TOPICS = (
+    "command_topic", "human_topic", "odometry_topic", "pose_topic", "twist_topic", "points_topic", "sound_topic",
+    "ready_topic", "acquire", "release",
+)  # fmt: skip
 _FRAMES = ("fixed_frame", "body_frame")
 
 
@@ -119,8 +122,8 @@ def _interface(entry: Mapping[str, Any], where: str) -> RobotInterface:
             what = "a number" if known[key] is float else "a text"
             raise InputError(f"{where}: {key}: got {value!r}, expected {what}")
     base = INTERFACES[name]
-    limits = {key: float(value) for key, value in given.items() if key in _MODEL_FIELDS}
-    own = {key: value for key, value in given.items() if key in _FIELDS}
+    limits: dict[str, Any] = {key: float(value) for key, value in given.items() if key in _MODEL_FIELDS}
+    own: dict[str, Any] = {key: value for key, value in given.items() if key in _FIELDS}
     try:
         model = dataclasses.replace(base.model, **limits)
         made = dataclasses.replace(base, model=model, **own)
@@ -132,7 +135,7 @@ def _interface(entry: Mapping[str, Any], where: str) -> RobotInterface:
 def within(interface: RobotInterface, namespace: str, keep: Mapping[str, Any] | None = None) -> RobotInterface:
     """Put topics and frames of a robot into a namespace, as in simulations with one ROS master; not those in ``keep``."""
     kept = {} if keep is None else keep
-    names = {}
+    names: dict[str, Any] = {}
     for name in (*_TOPICS, *_FRAMES):
         value = getattr(interface, name)
         if value and name not in kept:

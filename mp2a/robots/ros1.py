@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mp2a.exceptions import MissingError
+from mp2a.exceptions import InputError, MissingError
 from mp2a.formation.choreography.obstacles import from_cloud
 from mp2a.robots.cloud import points as cloud_points
 from mp2a.robots.interface import NO_POSE, Sensed
@@ -37,11 +37,15 @@ class Ros1Robot:
 
     Raises
     ------
+    InputError
+        If the pose is to come from stamped messages.
     MissingError
         If there is no rospy, no master, or (armed) the watchdog cannot reach the robot.
     """
 
     def __init__(self, role: str, interface: RobotInterface, armed: bool) -> None:
+        if interface.pose == "stamped":
+            raise InputError(f"pose: got stamped for {role}, expected tf or odometry with ROS 1")
         rospy = self._rospy = connect(role)
         from geometry_msgs.msg import Twist, TwistStamped
         from nav_msgs.msg import Odometry
@@ -176,4 +180,3 @@ class Ros1Channel:
     def _hear(self, message: Any) -> None:
         with self._lock:
             self._heard.append(message.data)
-

@@ -95,7 +95,9 @@ class Start:
         """Raise MissingError if ``waited`` s were too long; says who is missing."""
         if waited > PATIENCE and self.time is None:
             silent = sorted(self._untested or set(self._roles) - set(self._proposals))
-            raise MissingError(f"{self.role} waited {PATIENCE:g} s for {', '.join(silent)}; are all robots on, and reachable?")
+            raise MissingError(
+                f"{self.role} waited {PATIENCE:g} s for {', '.join(silent)}; are all robots on, and reachable?"
+            )
 
     def _take(self, sender: str, time: float, now: float) -> None:
         if not time <= now + self._lead + CLOCK_TOLERANCE:
@@ -107,7 +109,9 @@ class Start:
             return
         agreed = max(self._proposals.values())
         if self.time is None and agreed < now:
-            raise MissingError(f"{self.role} learned {now - agreed:.1f} s too late when to start; start all robots again")
+            raise MissingError(
+                f"{self.role} learned {now - agreed:.1f} s too late when to start; start all robots again"
+            )
         self.time = agreed
 
 

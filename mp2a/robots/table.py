@@ -11,7 +11,7 @@ SYNC_TOPIC = "/sync"
 LEAST_RATE = 10.0
 """Hz below which the robots ignore commands (thesis, chapter 2)."""
 MESSAGES = ("Twist", "TwistStamped")
-POSES = ("tf", "odometry")
+POSES = ("tf", "odometry", "stamped")
 
 
 @dataclass(frozen=True)
@@ -37,13 +37,15 @@ class RobotInterface:
     acquire, release
         Services of a mux that hands out the command topic; empty: it has none.
     pose
-        Where the pose is from: ``tf`` or ``odometry``.
+        Where the pose is from: ``tf`` (ROS 1), ``odometry``, or ``stamped``, messages of their own (ROS 2).
     fixed_frame, body_frame
         Between which the pose is, m and rad.
     pose_age
         s: an older pose counts as a look-up that failed.
     odometry_topic
         ``nav_msgs/Odometry``; its turn rate must be measured (by a gyroscope), not made of the wheels' turns.
+    pose_topic, twist_topic
+        ``geometry_msgs/PoseStamped`` and ``TwistStamped``, only used if the pose is ``stamped``.
     points_topic
         ``sensor_msgs/PointCloud2`` without the robot's own body; empty: it has no LIDAR.
     sound_topic
@@ -71,6 +73,8 @@ class RobotInterface:
     body_frame: str = "base_link"
     pose_age: float = 0.3
     odometry_topic: str = "/odometry/filtered"
+    pose_topic: str = "/pose"
+    twist_topic: str = "/twist"
     points_topic: str = "/points_filtered"
     sound_topic: str = "/robotsound"
     ready_topic: str = "/all_ready"

@@ -67,9 +67,7 @@ class Husky:
         for name, joint in self.wheels.items():
             side = -1 if "left" in name else 1
             spin = (self.target[0] + side * self.target[1] * TRACK / 2) / WHEEL
-            pybullet.setJointMotorControl2(
-                self.body, joint, pybullet.VELOCITY_CONTROL, targetVelocity=spin, force=60
-            )
+            pybullet.setJointMotorControl2(self.body, joint, pybullet.VELOCITY_CONTROL, targetVelocity=spin, force=60)
 
     def state(self):
         place, turned = pybullet.getBasePositionAndOrientation(self.body)
