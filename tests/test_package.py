@@ -79,6 +79,10 @@ def test_import_of_the_package_alone_loads_no_numpy():
     assert not loaded_by("import mp2a") & {"numpy", "mpi4py"}
 
 
+def test_a_watchdog_is_lean():
+    assert not loaded_by("import mp2a.robots.watchdog") & {"numpy", "mpi4py", "rospy", "cyclonedds"}
+
+
 def test_every_public_name_is_there():
     for name in mp2a.__all__:
         assert getattr(mp2a, name) is not None

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from mp2a import launch
 from mp2a.cli import main
+from mp2a.cli.drive import ADAPTERS
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography.ideal import run as ideal_run
 from mp2a.formation.choreography.places import compose
@@ -25,7 +26,7 @@ from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.robots.planner import ChoreographyPlanner, origin_of
 from mp2a.robots.simulated import SimulatedPace
 from mp2a.robots.table import INTERFACES
-from mp2a.simulator import NO_SLIP, PHYSICS_ENGINE_SLIP, Simulation, World, parse_world
+from mp2a.simulator import NO_SLIP, PHYSICS_ENGINE_SLIP, Simulation, World
 
 SCENARIOS = Path(__file__).parents[1] / "examples" / "scenarios"
 TWO = parse((SCENARIOS / "listing_7_1.txt").read_text())
@@ -87,37 +88,28 @@ def test_learning_slip_brings_slipping_robots_closer_to_their_path(monkeypatch):
     assert learning < error()
 
 
-def test_a_robot_stops_before_a_wall_and_speaks():
-    drivers, pace = simulated(AHEAD, parse_world("[[wall]]\npoints = [[3, -2], [3, 2]]"))
-    run(drivers, pace, 5)
-    (driver,) = drivers
-    first = [step.blocked for step in driver.steps].index(True)
-    assert driver.steps[first - 1].command[0] > 0.5
-    assert driver.steps[first].command[0] == 0.0
-    front = max(step.pose[0] for step in driver.steps) + HUSKY.length / 2
-    assert 3 - 0.56 < front < 3
-    assert not pace.simulation.collisions
-    assert driver.robot.warnings[0] == sound.TEXT
-
-
 class Failing(DryRobot):
     """An ideal robot whose sensors fail from a time on."""
 
     def __init__(self, pose, what, lidar):
         super().__init__(HUSKY, pose)
-        self.what, self.has_lidar, self.ticks, self.sent = what, lidar, 0, []
+        self.what, self.has_lidar, self.ticks, self.sent, self.warnings = what, lidar, 0, [], []
 
     def sense(self):
         self.ticks += 1
         sensed = super().sense()
         failed = self.what(self.ticks)
         pose = NO_POSE if failed == "pose" else sensed.pose
-        points = None if failed == "points" or not self.has_lidar else np.empty((0, 2))
+        seen = [[0.9, 0.0]] if failed == "wall" else np.empty((0, 2))
+        points = None if failed == "points" or not self.has_lidar else np.array(seen)
         return Sensed(pose, sensed.twist, points)
 
     def send(self, command):
         super().send(command)
         self.sent.append(tuple(command))
+
+    def warn(self, text):
+        self.warnings.append((self.ticks, text))
 
 
 def fail(what, lidar=True):
@@ -126,6 +118,17 @@ def fail(what, lidar=True):
     driver = Driver("R1", robot, INTERFACES["husky"], planner, False)
     good = run([driver], VirtualPace(0.05, [robot]), 30)
     return good, robot, driver
+
+
+def test_a_stop_signal_stops_at_once_and_is_heard_until_the_way_is_clear():
+    good, robot, _ = fail(lambda tick: "wall" if 60 <= tick < 140 else None)
+    speeds = [speed for speed, _ in robot.sent]
+    assert good
+    assert speeds[58] > 0.5
+    assert all(speed <= 0 for speed in speeds[59:139])
+    assert speeds[59] == 0
+    assert max(speeds[150:]) > 0.5
+    assert robot.warnings == [(60, sound.TEXT), (120, None)]
 
 
 def test_three_lost_poses_in_a_row_are_an_error_for_good():
@@ -225,6 +228,10 @@ def test_dry_run_prints_what_would_be_sent_and_records_it(tmp_path, capsys):
 def test_mistakes_on_the_command_line(options, message, capsys):
     assert main(["drive", str(SCENARIOS / "listing_7_1.txt"), *options]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_the_command_knows_every_adapter():
+    assert ADAPTERS == robots_file.ADAPTERS
 
 
 def test_a_scenario_that_is_not_there(capsys):

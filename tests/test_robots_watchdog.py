@@ -20,7 +20,7 @@ from mp2a.robots.table import INTERFACES
 HUSKY = INTERFACES["husky"]
 LONG = 20.0
 
-# A planner: starts a watchdog, says its own and the watchdog's process id, and drives; what then, by the second argument.
+# A planner: starts a watchdog, says both process ids, and drives; what then, by the second argument.
 PLANNER = """
 import os, sys, time
 from mp2a.robots.sender import Sender
@@ -235,7 +235,7 @@ def test_while_a_human_drives_nothing_is_sent(tmp_path):
 
 def test_a_watchdog_that_cannot_reach_its_robot_says_why(monkeypatch):
     monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:1")
-    with pytest.raises(MissingError, match="no watchdog: .*ROS"):
+    with pytest.raises(MissingError, match=r"no watchdog: .*ROS"):
         Sender(replace(HUSKY, rate=10), "ros1", role="R1")
 
 

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 ADAPTERS = ("dry", "simulator", "ros1", "ros2")
+"""Those of `mp2a.robots.robots_file`, which is not loaded to parse options."""
 _FAILED = 3
 """Exit status if a robot got into its error state or did not come to the end."""
 
@@ -92,7 +93,6 @@ def _drive_as(options: argparse.Namespace, comm: "MPI.Comm | None") -> int:
 
 def _robots(options: argparse.Namespace, roles: Any) -> Any:
     from mp2a.robots import robots_file
-    from mp2a.robots.table import INTERFACES
 
     if options.robots.endswith(".toml"):
         found = robots_file.read(options.robots, roles)
@@ -100,7 +100,6 @@ def _robots(options: argparse.Namespace, roles: Any) -> Any:
         names = dict(part.split("=", 1) for part in options.robots.split(",")) if "=" in options.robots else {}
         lines = [f'[robots."{role}"]\nmodel = "{names.get(role, options.robots)}"\n' for role in (names or roles)]
         found = robots_file.parse("".join(lines), roles, "--robots")
-    assert set(ADAPTERS) == set(robots_file.ADAPTERS) and INTERFACES
     return found if options.adapter is None else found._replace(adapter=options.adapter)
 
 

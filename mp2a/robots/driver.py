@@ -96,7 +96,7 @@ class Driver:
         """Make up for slip, keep to the limits; what has to stop stops at once."""
         if sensed.human:  # what the human does is not what was commanded, and from there it goes on
             self._sent = np.nan_to_num(sensed.twist)
-        else:
+        elif not decision.blocked:  # what touches something does not turn, and that is not slip
             self._slip = slip.learn(self._slip, self._sent[1], sensed.twist, self._dt)
         lost = not np.isfinite(sensed.pose).all()
         if decision.error or lost or not np.isfinite(decision.command).all():

@@ -20,7 +20,8 @@ class Ticker:
 
     Notes
     -----
-    The k-th tick is due at ``begin + k · period`` (begin: when this was built), never a period after the one before. Ticks that were missed are left out, not caught up with.
+    The k-th tick is due at ``begin + k · period`` (begin: when this was built), never a period after the one before.
+    Ticks that were missed are left out, not caught up with.
     """
 
     def __init__(
@@ -41,7 +42,7 @@ class Ticker:
         return self._clock() - self.start
 
     def due(self) -> float:
-        """Reading of the clock at which the next tick is due; those that are over are left out."""
+        """Tell the reading of the clock at which the next tick is due; those that are over are left out."""
         passed = int((self._clock() - self._begin) / self._period)
         self._tick = max(self._tick + 1, passed)
         return self._begin + self._tick * self._period

@@ -83,7 +83,7 @@ class ChoreographyPlanner:
 
 
 def origin_of(place: Array, pose: Array) -> Array:
-    """Pose ``(3,)`` of the robot's fixed frame in the planner's ground frame, if the robot at ``pose`` is at ``place``."""
+    """Pose ``(3,)`` of the robot's fixed frame in the ground frame, if the robot at ``pose`` is at ``place``."""
     heading = place[2] - pose[2]
     at: Array = np.array([0.0, 0.0, heading])
     offset = compose(at, np.array([pose[0], pose[1], 0.0]))

@@ -133,7 +133,7 @@ def _interface(entry: Mapping[str, Any], where: str) -> RobotInterface:
 
 
 def within(interface: RobotInterface, namespace: str, keep: Mapping[str, Any] | None = None) -> RobotInterface:
-    """Put topics and frames of a robot into a namespace, as in simulations with one ROS master; not those in ``keep``."""
+    """Put topics and frames into a namespace, as in simulations with one ROS master; not those in ``keep``."""
     kept = {} if keep is None else keep
     names: dict[str, Any] = {}
     for name in (*_TOPICS, *_FRAMES):

@@ -1,5 +1,6 @@
 """The watchdog's end of ROS 1: a topic of Twists, and a mux that may have to be asked first."""
 
+import contextlib
 import threading
 import time
 from typing import Any
@@ -90,10 +91,8 @@ class Ros1Publisher:
         ask, let_go = rospy.ServiceProxy(acquire, Acquire), rospy.ServiceProxy(release, Release)
 
         def quietly(service: Any, topic: str) -> None:
-            try:
+            with contextlib.suppress(rospy.ServiceException):  # a mux that is down lets nothing through either
                 service(topic)
-            except rospy.ServiceException:
-                pass  # the mux is down: it does not let anything through either
 
         def keep_asking() -> None:
             while not self._over.is_set():

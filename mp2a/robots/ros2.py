@@ -1,8 +1,8 @@
 """A robot over ROS 2: odometry and points in; commands through the watchdog, or only shown.
 
-The pose is that of ``nav_msgs/Odometry`` or of messages of its own; transforms are not looked up here. With ROS 2 Kilted's
-Fast DDS 3, messages that hold arrays or sequences (odometry, points) do not reach Cyclone DDS, which finds their type
-descriptions invalid; ``pose = "stamped"`` is for such robots.
+The pose is that of ``nav_msgs/Odometry`` or of messages of its own; transforms are not looked up here. With ROS 2
+Kilted's Fast DDS 3, messages that hold arrays or sequences (odometry, points) do not reach Cyclone DDS, which finds
+their type descriptions invalid; ``pose = "stamped"`` is for such robots.
 """
 
 import math
@@ -85,8 +85,8 @@ class Ros2Robot:
         if interface.pose == "odometry":
             self._motion: Odometries | Stamped = Odometries(node.reader(interface.odometry_topic, Odometry))
         else:
-            poses, twists = node.reader(interface.pose_topic, PoseStamped), node.reader(interface.twist_topic, TwistStamped)
-            self._motion = Stamped(poses, twists)
+            poses = node.reader(interface.pose_topic, PoseStamped)
+            self._motion = Stamped(poses, node.reader(interface.twist_topic, TwistStamped))
         self._clouds = node.reader(interface.points_topic, PointCloud2) if self.has_lidar else None
         kind = Twist if interface.message == "Twist" else TwistStamped
         self._by_hand = node.reader(interface.human_topic, kind) if interface.human_topic else None

@@ -41,11 +41,11 @@ class SimulatedPace:
         self.robots = [SimulatedRobot(self, number) for number in own]
 
     def now(self) -> float:
-        """Simulated time, s."""
+        """Tell the simulated time, s."""
         return self.simulation.time
 
     def sensed(self) -> Observation:
-        """What the robots know at this tick."""
+        """Tell what the robots know at this tick."""
         return self._sensed
 
     def give(self, number: int, command: Array) -> None:

@@ -5,9 +5,9 @@ engine makes 0.417 rad/s of 0.5 on the spot and 0.161 at 0.5 m/s. So a turn is c
 odometry shows to be left. The share is learned at two speeds, standing and `FULL_SPEED`, and taken as linear between
 them, by normalised least mean squares (Haykin, Adaptive Filter Theory, chapter 6), a rule of one line that no single
 wrong measurement throws off. Command and measurement go through the same low-pass first, so that the robot's lag is not
-taken for slip. Why not an integral of the error: it would know one speed at a time, and wind up while the turn rate is at
-its limit; the share does neither. What is learned is right at the speed driven; at another one it is a first guess, the better
-the more both were driven.
+taken for slip. Why not an integral of the error: it would know one speed at a time, and wind up while the turn rate is
+at its limit; the share does neither. What is learned is right at the speed driven; at another one it is a first guess,
+the better the more both were driven.
 """
 
 import math
@@ -55,7 +55,7 @@ def share(slip: Slip, speed: float) -> float:
 
 
 def compensate(slip: Slip, command: Array, speed: float) -> Array:
-    """Enlarge the turn of a command ``(2,)`` for a robot that drives at ``speed``, so that after slip it is as wanted."""
+    """Enlarge the turn of a command ``(2,)`` at ``speed``, m/s, so that after slip it is as wanted."""
     return np.array([command[0], command[1] / share(slip, speed)])
 
 

@@ -1,13 +1,13 @@
 """Robots find each other and agree when to start (thesis, chapter 3 and section 4.2).
 
 Every robot publishes ``test ROLE`` ten times a second. Who hears it adds its own role and publishes it again; who hears
-its own test with another role at the end knows that the way there and back works. Once it has heard back from everybody,
-a robot proposes a time, four seconds ahead, as ``sync ROLE TIME``, and repeats it until the start. When it has heard a
-proposal of everybody, the latest one holds.
+its own test with another role at the end knows that the way there and back works. Once it has heard back from
+everybody, a robot proposes a time, four seconds ahead, as ``sync ROLE TIME``, and repeats it until the start. When it
+has heard a proposal of everybody, the latest one holds.
 
-In the thesis the proposal that comes last holds and each message proposes anew, so that lost or overtaking messages make
-robots disagree. Here a robot proposes once, and the greatest proposal holds, in whatever order they come. If all messages
-of one robot are lost for all four seconds, some start without it: nothing helps against that, and it says so.
+In the thesis the proposal that comes last holds and each message proposes anew, so that lost or overtaking messages
+make robots disagree. Here a robot proposes once, and the greatest proposal holds, in whatever order they come. If all
+messages of one robot are lost for all four seconds, some start without it: nothing helps against that, and it says so.
 
 A pure state machine: messages in, messages out, time given.
 """

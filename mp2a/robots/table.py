@@ -108,10 +108,11 @@ INTERFACES = {
         TRADR, acquire="/mux_cmd_vel/acquire", release="/mux_cmd_vel/release", odometry_topic="/odom"
     ),
     "husky-jazzy": RobotInterface(
-        replace(HUSKY, max_turn_rate=1.0, max_acceleration=1.0, max_turn_acceleration=1.0), command_topic="/cmd_vel", human_topic="/joy_teleop/cmd_vel", message="TwistStamped", pose="odometry",
+        replace(HUSKY, max_turn_rate=1.0, max_acceleration=1.0, max_turn_acceleration=1.0),
+        command_topic="/cmd_vel", human_topic="/joy_teleop/cmd_vel", message="TwistStamped", pose="odometry",
         fixed_frame="odom", odometry_topic="/platform/odom/filtered", points_topic="/sensors/lidar3d_0/points",
     ),
 }  # fmt: skip
 """By lower-case name. `husky`, `tradr`: the thesis, chapters 2 and 3, and (mux, limits) the robots' published software.
-`husky-jazzy`: Clearpath's software for ROS 2, whose lower-priority command topic is ``cmd_vel`` itself; its limits are those
-of ROS 2 Humble, and its points hold the robot's own body unless they are filtered."""
+`husky-jazzy`: Clearpath's software for ROS 2, whose lower-priority command topic is ``cmd_vel`` itself; its limits are
+those of ROS 2 Humble, and its points hold the robot's own body unless they are filtered."""

@@ -1,13 +1,13 @@
 """The process that sends a robot its commands, and stops it when the planner is gone.
 
 ``python -m mp2a.robots.watchdog SETTINGS`` (`mp2a.robots.sender` starts it) reads commands from its standard input, 16
-bytes each: speed and turn rate as doubles. It repeats the newest one at the robot's rate. No new one for the patience: the
-planner stalls. End of input: the planner has ended or was killed, or MPI ended it. A signal: somebody ends all this. In
-each case it sends zero for half a second and ends. It never takes up driving again.
+bytes each: speed and turn rate as doubles. It repeats the newest one at the robot's rate. No new one for the patience:
+the planner stalls. End of input: the planner has ended or was killed, or MPI ended it. A signal: somebody ends all
+this. In each case it sends zero for half a second and ends. It never takes up driving again.
 
-Nobody but this process sends to the robot, so that a planner that wakes up later cannot. It runs in a session of its own,
-so that what ends the planner does not end it. If it is killed itself, nothing is sent any more, and the robot's own
-controller stops (HUSKY's after 0.25 s).
+Nobody but this process sends to the robot, so that a planner that wakes up later cannot. It runs in a session of its
+own, so that what ends the planner does not end it. If it is killed itself, nothing is sent any more, and the robot's
+own controller stops (HUSKY's after 0.25 s).
 """
 
 import json

@@ -62,7 +62,7 @@ class Huskies:
             time.sleep(0.05)
 
     def end(self):
-        """End them; returns by role the commands that arrived and the true track, and how far behind real time it was."""
+        """End them; returns what arrived and the true track by role, and how far behind real time it was."""
         self._process.send_signal(signal.SIGTERM)
         self._process.wait(30)
         found = json.loads(self._log.read_text())

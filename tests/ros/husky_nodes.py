@@ -1,7 +1,8 @@
 """HUSKYs in a physics engine (PyBullet) as ROS 1 robots: not a robot, but everything a robot's planner sees of one.
 
-Each has what the thesis describes: ``nav/cmd_vel`` and, winning over it, ``cmd_vel``; ``/tf``; odometry; points of a LIDAR
-with 256 rays at 10 Hz that are 0.3 s old. Its controller keeps to Clearpath's limits and stops after 0.25 s without a command.
+Each has what the thesis describes: ``nav/cmd_vel`` and, winning over it, ``cmd_vel``; ``/tf``; odometry; points of a
+LIDAR with 256 rays at 10 Hz that are 0.3 s old. Its controller keeps to Clearpath's limits and stops after 0.25 s
+without a command.
 
     husky_nodes.py LOG PLACES [WALL_X]      PLACES: JSON {role: [x, y, heading]}; on SIGTERM writes what it saw to LOG;
 

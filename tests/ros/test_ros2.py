@@ -33,7 +33,10 @@ SCENARIO = "robots R1\nrow R1 0 0\nmove 2 0\nmove 2 60\n"
 def ros2_is_there():
     if not PYTHON.exists():
         return False
-    return subprocess.run([str(PYTHON), "-c", "import rclpy, geometry_msgs"], capture_output=True, check=False).returncode == 0
+    return (
+        subprocess.run([str(PYTHON), "-c", "import rclpy, geometry_msgs"], capture_output=True, check=False).returncode
+        == 0
+    )
 
 
 @pytest.fixture
@@ -68,15 +71,20 @@ def test_a_node_of_ros_2_is_driven_by_where_it_says_it_is(node, tmp_path, messag
     process, log = node(message)
     (tmp_path / "scenario.txt").write_text(SCENARIO)
     (tmp_path / "robots.toml").write_text(
-        f'adapter = "ros2"\n[robots.R1]\nmodel = "husky"\npose = "stamped"\npoints_topic = ""\n'
-        f'message = "{message}"\n'
+        f'adapter = "ros2"\n[robots.R1]\nmodel = "husky"\npose = "stamped"\npoints_topic = ""\nmessage = "{message}"\n'
     )
     program = [
-        sys.executable, "-m", "mp2a", "drive", str(tmp_path / "scenario.txt"), "--robots", str(tmp_path / "robots.toml"),
-        "--armed", "--quiet", "--record", str(tmp_path),
+        sys.executable, "-m", "mp2a", "drive", str(tmp_path / "scenario.txt"), "--robots",
+        str(tmp_path / "robots.toml"), "--armed", "--quiet", "--record", str(tmp_path),
     ]  # fmt: skip
     done = subprocess.run(
-        program, env=os.environ | OURS, timeout=90, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
+        program,
+        env=os.environ | OURS,
+        timeout=90,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stdout
     process.wait(30)
