@@ -218,6 +218,7 @@ def test_dry_run_prints_what_would_be_sent_and_records_it(tmp_path, capsys):
     ("options", "message"),
     [
         (["--robots", "robot"], "--robots: robots.R1: model: got 'robot'"),
+        (["--robots", "R1=husky,tradr"], "--robots: got no table [robots.R2], expected one for each of R1, R2"),
         (["--robots", "none.toml"], "none.toml: cannot be read as a robots file"),
         (["--armed"], "--armed: got adapter dry, expected one of ros1, ros2"),
         (["--role", "R7"], "--role: got 'R7', expected one of R1, R2"),
@@ -228,6 +229,12 @@ def test_dry_run_prints_what_would_be_sent_and_records_it(tmp_path, capsys):
 def test_mistakes_on_the_command_line(options, message, capsys):
     assert main(["drive", str(SCENARIOS / "listing_7_1.txt"), *options]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_the_example_drives_in_the_simulator():
+    robots = str(SCENARIOS.parent / "robots.toml")
+    options = ["--robots", robots, "--adapter", "simulator", "--quiet"]
+    assert main(["drive", str(SCENARIOS / "listing_7_1.txt"), *options]) == 0
 
 
 def test_the_command_knows_every_adapter():

@@ -1,6 +1,7 @@
 """``mp2a drive``: robots drive a scenario."""
 
 import argparse
+import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -97,9 +98,12 @@ def _robots(options: argparse.Namespace, roles: Any) -> Any:
     if options.robots.endswith(".toml"):
         found = robots_file.read(options.robots, roles)
     else:
-        names = dict(part.split("=", 1) for part in options.robots.split(",")) if "=" in options.robots else {}
-        lines = [f'[robots."{role}"]\nmodel = "{names.get(role, options.robots)}"\n' for role in (names or roles)]
-        found = robots_file.parse("".join(lines), roles, "--robots")
+        models = dict.fromkeys(roles, options.robots)
+        if "=" in options.robots:
+            models = {role: model for role, _, model in (part.partition("=") for part in options.robots.split(","))}
+        # A text of JSON is one of TOML.
+        tables = [f"[robots.{json.dumps(role)}]\nmodel = {json.dumps(model)}\n" for role, model in models.items()]
+        found = robots_file.parse("".join(tables), roles, "--robots")
     return found if options.adapter is None else found._replace(adapter=options.adapter)
 
 
