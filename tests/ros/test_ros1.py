@@ -222,6 +222,67 @@ def test_the_human_wins(master):
     listener.close()
 
 
+# The services' own package is not on the index: these have its names, and messages that hold the same.
+MUX = """
+from std_msgs.msg import Bool, String
+
+class Acquire:
+    _type, _md5sum, _request_class, _response_class = "nifti_teleop/Acquire", "0" * 32, String, Bool
+
+class Release(Acquire):
+    _type = "nifti_teleop/Release"
+"""
+
+
+def test_a_mux_is_asked_again_and_again_and_released(master, tmp_path, monkeypatch):
+    import rospy
+    from geometry_msgs.msg import Twist
+    from std_msgs.msg import Bool
+
+    listener = Listener("/t/nav/cmd_vel", Twist)
+    (tmp_path / "nifti_teleop").mkdir()
+    (tmp_path / "nifti_teleop" / "__init__.py").touch()
+    (tmp_path / "nifti_teleop" / "srv.py").write_text(MUX)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
+    from nifti_teleop.srv import Acquire, Release
+
+    asked = []
+
+    def answer(what):
+        def handle(request):
+            asked.append((what, request.data))
+            return Bool(True)
+
+        return handle
+
+    services = [
+        rospy.Service("/t/mux_cmd_vel/acquire", Acquire, answer("acquire")),
+        rospy.Service("/t/mux_cmd_vel/release", Release, answer("release")),
+    ]
+    sender = Sender(within(INTERFACES["tradr"], "t"), "ros1", role="t")
+    for _ in range(30):
+        sender.send(0.3, 0.0)
+        time.sleep(0.05)
+    sender.close()
+    listener.close()
+    for service in services:
+        service.shutdown()
+    assert len(asked) >= 4
+    assert asked[:-1] == [("acquire", "/t/nav/cmd_vel")] * (len(asked) - 1)
+    assert asked[-1] == ("release", "/t/nav/cmd_vel")
+    assert listener.heard[-1][1].linear.x == 0.0
+
+
+def test_a_mux_whose_package_is_missing_is_named(master):
+    from geometry_msgs.msg import Twist
+
+    listener = Listener("/u/nav/cmd_vel", Twist)
+    with pytest.raises(MissingError, match=r"nifti_teleop.*or let the robot ask: command_topic"):
+        Sender(within(INTERFACES["tradr"], "u"), "ros1", role="u")
+    listener.close()
+
+
 def test_nobody_listens(master):
     with pytest.raises(MissingError, match="nobody listens to /nowhere/nav/cmd_vel"):
         Sender(within(INTERFACES["husky"], "nowhere"), "ros1", role="nowhere")
