@@ -1,6 +1,7 @@
 """Commands over a real ROS master, to robots in a physics engine."""
 
 import csv
+import itertools
 import os
 import signal
 import subprocess
@@ -40,8 +41,9 @@ move 6 0
 """
 
 
-def robots_toml(roles):
-    return 'adapter = "ros1"\n' + "".join(f'[robots.{role}]\nmodel = "husky"\nnamespace = "{role}"\n' for role in roles)
+def robots_toml(roles, lidar=True):
+    text = 'adapter = "ros1"\n' + ("" if lidar else '[all]\npoints_topic = ""\n')
+    return text + "".join(f'[robots.{role}]\nmodel = "husky"\nnamespace = "{role}"\n' for role in roles)
 
 
 class Run:
@@ -81,13 +83,13 @@ def ideal(text):
     return run.poses[-1, :, :2], np.array(errors)
 
 
-def drive(huskies, tmp_path, text, wall=None, during=None):
+def drive(huskies, tmp_path, text, wall=None, lidar=True):
     """Drive a scenario under mpirun, a rank a robot, in the physics engine."""
     scenario = parse(text)
     places = Choreography(scenario, HUSKY).places()
     robots = huskies({role: place.tolist() for role, place in zip(scenario.robots, places, strict=True)}, wall)
     (tmp_path / "scenario.txt").write_text(text)
-    (tmp_path / "robots.toml").write_text(robots_toml(scenario.robots))
+    (tmp_path / "robots.toml").write_text(robots_toml(scenario.robots, lidar))
     program = [
         sys.executable, "-m", "mp2a", "drive", str(tmp_path / "scenario.txt"), "--robots",
         str(tmp_path / "robots.toml"), "--armed", "--record", str(tmp_path / "record"), "--longest", "150",
@@ -331,15 +333,20 @@ def test_two_robots_drive_a_scenario_of_the_thesis(huskies, tmp_path, listing, f
     print(f"distance {apart.min():.2f} to {apart.max():.2f} m of 1.2; path errors {errors.round(2)} m")
     print("shares of a turn at the end", [run.records[role]["share"][-1] for role in run.records])
     assert abs(first["time"][-1] - second["time"][-1]) < 3
-    assert np.abs(apart - 1.2).max() < 0.5
+    # Slip and, since the robots see each other, the force field: not what ideal robots do, but not far off.
+    assert np.median(np.abs(apart - 1.2)) < 0.25
+    assert np.abs(apart - 1.2).max() < 0.8
+    assert apart.min() > HUSKY.width
     assert (errors < ideal(text)[1] + 0.6).all()
     for role, one in run.seen.items():
         track = np.array(one["track"])
         assert np.abs(track[-1, 4:]).max() < 0.05, f"{role} does not stand"
 
 
-def test_four_robots_follow_the_leader(huskies, tmp_path):
-    run = drive(huskies, tmp_path, COLUMN)
+@pytest.mark.parametrize("lidar", [False, True])
+def test_four_robots_follow_the_leader(huskies, tmp_path, lidar):
+    """Blind they end where ideal ones do; with LIDAR each takes the one in front for an obstacle."""
+    run = drive(huskies, tmp_path, COLUMN, lidar=lidar)
     check_rate(run)
     errors = run.path_errors()
     gaps = np.hypot(*np.diff([[record[name][-1] for record in run.records.values()] for name in "xy"]))
@@ -347,8 +354,13 @@ def test_four_robots_follow_the_leader(huskies, tmp_path):
     wanted = np.hypot(*np.diff(places, axis=0).T)
     print(f"gaps at the end {gaps.round(2)} m, ideal robots {wanted.round(2)} m")
     print(f"path errors {errors.round(2)} m, ideal robots {least.round(2)} m")
-    assert (errors < least + 0.75).all()
-    np.testing.assert_allclose(gaps, wanted, atol=0.4)
+    tracks = [np.array(one["track"])[:, 1:3] for one in run.seen.values()]
+    nearest = min(np.hypot(*(a - b).T).min() for a, b in itertools.pairwise(tracks))
+    print(f"nearest two robots {nearest:.2f} m")
+    assert nearest > HUSKY.length
+    assert (errors < least + (0.9 if lidar else 0.4)).all()
+    if not lidar:
+        np.testing.assert_allclose(gaps, wanted, atol=0.3)
 
 
 def test_a_robot_stops_before_a_wall_and_says_so(huskies, tmp_path):
