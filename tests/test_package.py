@@ -16,7 +16,7 @@ MODULES = sorted(ROOT.rglob("*.py"))
 LAYERS = (
     "exceptions", "checks", "cores", "network", "spatial", "joints", "readers", "chain", "leaf", "segments",
     "kernels", "recursion", "schedule", "transport", "methods", "dynamics", "distributed", "arrangement", "formation",
-    "launch", "reference", "model", "bench", "simulator", "plot", "cli",
+    "launch", "reference", "model", "bench", "simulator", "robots", "plot", "cli",
 )  # fmt: skip
 NOT_ON_A_RANK = (
     "matplotlib", "pinocchio", "rich", "typer", "click", "argparse", "mujoco", "scipy", "numba",
@@ -79,6 +79,10 @@ def test_rank_loads_only_what_it_runs(statement):
 
 def test_import_of_the_package_alone_loads_no_numpy():
     assert not loaded_by("import mp2a") & {"numpy", "mpi4py"}
+
+
+def test_a_watchdog_is_lean():
+    assert not loaded_by("import mp2a.robots.watchdog") & {"numpy", "mpi4py", "rospy", "cyclonedds"}
 
 
 def test_every_public_name_is_there():

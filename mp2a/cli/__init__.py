@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 from mp2a import __version__
 from mp2a.bench.settings import ERROR
-from mp2a.cli import bench, check, march, model, plot, schedule, trace
+from mp2a.cli import bench, check, drive, march, model, plot, schedule, trace
 from mp2a.exceptions import InputError, MissingError
 
-_SUBCOMMANDS = (bench, check, plot, model, schedule, trace, march)
+_SUBCOMMANDS = (bench, check, plot, model, schedule, trace, march, drive)
 _INTERRUPTED = 130
 
 

@@ -1,0 +1,130 @@
+"""``mp2a drive``: robots drive a scenario."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mp2a.cli.options import command, positive_number, under_mpirun
+from mp2a.exceptions import InputError, MissingError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+ADAPTERS = ("dry", "simulator", "ros1", "ros2")
+"""Those of `mp2a.robots.robots_file`, which is not loaded to parse options."""
+_FAILED = 3
+"""Exit status if a robot got into its error state or did not come to the end."""
+
+
+def add(commands: Any) -> None:
+    """Add the subcommand."""
+    parser = command(
+        commands,
+        "drive",
+        _drive,
+        "Drive robots through a scenario. Without --armed nothing is sent to a real robot: it prints what would be.\n"
+        "Exit status 3 if a robot got into its error state or did not come to the end.",
+        "  mp2a drive dance.txt                                      ideal HUSKYs, prints commands\n"
+        "  mp2a drive dance.txt --robots robots.toml --adapter simulator --record results/drive\n"
+        "  mpirun -n 4 mp2a drive dance.txt --robots robots.toml     a rank a robot, by the file's adapter\n"
+        "  mpirun -n 4 mp2a drive dance.txt --robots robots.toml --armed\n"
+        "  mp2a drive dance.txt --robots robots.toml --role R1 --armed    on each robot, without MPI between them",
+    )
+    parser.add_argument("scenario", type=Path, metavar="SCENARIO", help="a choreography; see mp2a check")
+    parser.add_argument("--robots", default="husky", help="a robots file (.toml), a model for all, or ROLE=MODEL,…")
+    parser.add_argument("--adapter", choices=ADAPTERS, help="what the robots are (default: the file's, else dry)")
+    parser.add_argument("--armed", action="store_true", help="send commands to real robots")
+    parser.add_argument("--role", help="drive this robot alone, and start with the others over ROS topics")
+    parser.add_argument("--max-speed", type=positive_number, metavar="V", help="v_max, m/s (default: slowest robot's)")
+    parser.add_argument(
+        "--longest", type=positive_number, metavar="S", default=3600.0, help="end after S s in any case"
+    )
+    parser.add_argument("--record", type=Path, metavar="DIR", help="write ROLE.csv of every tick")
+    parser.add_argument("--quiet", action="store_true", help="do not print commands")
+
+
+def _drive(options: argparse.Namespace) -> int:
+    """Drive; a rank that fails ends all, and every watchdog stops its robot."""
+    comm = None
+    if under_mpirun():
+        from mpi4py import MPI
+
+        comm = MPI.COMM_WORLD if MPI.COMM_WORLD.size > 1 else None
+    if comm is None:
+        return _drive_as(options, None)
+    try:
+        return _drive_as(options, comm)
+    except (InputError, MissingError) as error:
+        # Often the same on all ranks; one that fails alone must not leave the others waiting.
+        print(f"mp2a: rank {comm.rank}: {error}", file=sys.stderr, flush=True)
+        comm.Abort(2)
+        raise
+    except BaseException:
+        import traceback
+
+        traceback.print_exc()
+        comm.Abort(1)
+        raise
+
+
+def _drive_as(options: argparse.Namespace, comm: "MPI.Comm | None") -> int:
+    from mp2a.formation.choreography.reading import parse
+    from mp2a.robots import fleet
+    from mp2a.robots.driver import run
+
+    try:
+        text = options.scenario.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"SCENARIO: {options.scenario} cannot be read as text ({error})") from error
+    scenario = parse(text)
+    found = _robots(options, scenario.robots)
+    roles = fleet.roles_of_this_process(scenario, found.adapter, options.role, comm)
+    if options.armed and found.adapter not in fleet.REAL:
+        raise InputError(f"--armed: got adapter {found.adapter}, expected one of {', '.join(fleet.REAL)}")
+    drivers, pace = fleet.build(scenario, found, roles, comm, armed=options.armed, max_speed=options.max_speed)
+    good = run(drivers, pace, options.longest, None if options.quiet else _Printer(found, options.armed).tell)
+    if options.record is not None:
+        options.record.mkdir(parents=True, exist_ok=True)
+        for driver in drivers:
+            driver.save(options.record / f"{driver.role}.csv")
+    return 0 if good else _FAILED
+
+
+def _robots(options: argparse.Namespace, roles: Any) -> Any:
+    from mp2a.robots import robots_file
+
+    if options.robots.endswith(".toml"):
+        found = robots_file.read(options.robots, roles)
+    else:
+        models = dict.fromkeys(roles, options.robots)
+        if "=" in options.robots:
+            models = {role: model for role, _, model in (part.partition("=") for part in options.robots.split(","))}
+        # A text of JSON is one of TOML.
+        tables = [f"[robots.{json.dumps(role)}]\nmodel = {json.dumps(model)}\n" for role, model in models.items()]
+        found = robots_file.parse("".join(tables), roles, "--robots")
+    return found if options.adapter is None else found._replace(adapter=options.adapter)
+
+
+class _Printer:
+    """Prints commands twice a second, and at once when something happens."""
+
+    def __init__(self, found: Any, armed: bool) -> None:
+        self._topics = {role: interface.command_topic for role, interface in found.interfaces.items()}
+        self._verb = "sent" if armed else "would be sent"
+        self._next: dict[str, float] = {}
+        self._flags: dict[str, tuple[bool, ...]] = {}
+
+    def tell(self, driver: Any, step: Any) -> None:
+        flags = (step.blocked, step.error, step.human, step.done)
+        if step.time < self._next.get(driver.role, 0.0) and flags == self._flags.get(driver.role, flags):
+            return
+        self._next[driver.role], self._flags[driver.role] = step.time + 0.5, flags
+        names = ("blocked", "ERROR STATE", "human drives", "done")
+        said = ", ".join(name for name, flag in zip(names, flags, strict=True) if flag)
+        print(
+            f"{driver.role:<8} {step.time:8.2f} s  {self._topics[driver.role]}  linear.x {step.command[0]:6.3f} m/s  "
+            f"angular.z {step.command[1]:6.3f} rad/s  {self._verb}{'  ' + said if said else ''}",
+            flush=True,
+        )

@@ -1,0 +1,178 @@
+"""One robot's loop: sense, decide, shape the command, send it."""
+
+import csv
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from mp2a.formation.choreography.places import compose
+from mp2a.robots import limits, slip, sound
+from mp2a.robots.interface import Pace, Robot, Sensed
+from mp2a.robots.planner import Decision, Planner, origin_of
+from mp2a.robots.table import RobotInterface
+from mp2a.spatial import Array
+
+_ZERO = np.zeros(2)
+
+
+class Step(NamedTuple):
+    """What happened at one tick, for records and for who watches."""
+
+    time: float
+    """s since the start."""
+    pose: Array
+    """``(3,)`` in the planner's ground frame, m and rad."""
+    leader: Array
+    """``(2,)`` m: the point whose path it is to follow."""
+    twist: Array
+    """``(2,)`` measured."""
+    command: Array
+    """``(2,)`` sent."""
+    share: float
+    """Of a commanded turn that is taken to be left after slip."""
+    blocked: bool
+    error: bool
+    human: bool
+    done: bool
+
+
+class Driver:
+    """Drives one robot as a planner says.
+
+    Parameters
+    ----------
+    role
+        Of the robot.
+    robot
+        What takes commands.
+    interface
+        Its limits and rate.
+    planner
+        Decides.
+    in_place
+        Whether the robot stands at its place when this is built, and its fixed frame may lie anywhere; else its fixed
+        frame is the planner's ground frame.
+    """
+
+    def __init__(
+        self, role: str, robot: Robot, interface: RobotInterface, planner: Planner, in_place: bool = True
+    ) -> None:
+        self.role, self.robot = role, robot
+        self._planner, self._dt = planner, 1.0 / interface.rate
+        model = interface.model
+        self._fastest = np.array([model.max_speed, model.max_turn_rate])
+        self._most = np.array([model.max_acceleration, model.max_turn_acceleration])
+        self._in_place = in_place
+        self._origin: Array = np.zeros(3)
+        self._sent: Array = _ZERO
+        self._slip = slip.NO_SLIP_SEEN
+        self._sound = sound.CLEAR
+        self.steps: list[Step] = []
+
+    def begin(self) -> None:
+        """Take the present pose for the place at the start, if that is how the frames are tied."""
+        if self._in_place:
+            self._origin = origin_of(self._planner.place(), self.robot.sense().pose)
+
+    def tick(self, t: float) -> Step:
+        """Sense, decide and send, at ``t`` s after the start."""
+        sensed = self.robot.sense()
+        sensed = sensed._replace(pose=compose(self._origin, sensed.pose))
+        decision = self._planner.decide(t, sensed._replace(twist=np.nan_to_num(sensed.twist)))
+        command = self._shape(sensed, decision)
+        self.robot.send(command)
+        self._sent = command
+        self._make_sound(t, decision.blocked and not sensed.human)
+        step = Step(
+            t, sensed.pose, self._planner.leader(), sensed.twist, command, slip.share(self._slip, sensed.twist[0]),
+            decision.blocked, decision.error, sensed.human, decision.done,
+        )  # fmt: skip
+        self.steps.append(step)
+        return step
+
+    def _shape(self, sensed: Sensed, decision: Decision) -> Array:
+        """Make up for slip, keep to the limits; what has to stop stops at once."""
+        if sensed.human:  # what the human does is not what was commanded, and from there it goes on
+            self._sent = np.nan_to_num(sensed.twist)
+        elif not decision.blocked:  # what touches something does not turn, and that is not slip
+            self._slip = slip.learn(self._slip, self._sent[1], sensed.twist, self._dt)
+        lost = not np.isfinite(sensed.pose).all()
+        if decision.error or lost or not np.isfinite(decision.command).all():
+            return _ZERO
+        speed = sensed.twist[0] if np.isfinite(sensed.twist).all() else self._sent[0]
+        wanted = slip.compensate(self._slip, decision.command, speed)
+        command = limits.approach(self._sent, limits.saturate(wanted, self._fastest), self._most, self._dt)
+        # The robot brakes as hard as it can; a ramp of ours would only be slower.
+        return np.array([0.0, command[1]]) if decision.blocked else command
+
+    def _make_sound(self, t: float, blocked: bool) -> None:
+        self._sound = sound.sound(self._sound, blocked, t)
+        if self._sound.say is not None:
+            self.robot.warn(self._sound.say)
+        if self._sound.beep:
+            self.robot.warn(None)
+
+    def save(self, path: Path) -> None:
+        """Write all ticks as CSV: time, pose, its leader, measured and sent speeds, share of a turn, flags."""
+        with path.open("w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(COLUMNS)
+            for step in self.steps:
+                flags = [int(flag) for flag in (step.blocked, step.error, step.human)]
+                numbers = (step.time, *step.pose, *step.leader, *step.twist, *step.command, step.share)
+                writer.writerow([*(f"{number:.6g}" for number in numbers), *flags])
+
+
+COLUMNS = (
+    "time", "x", "y", "heading", "leader_x", "leader_y", "speed", "turn_rate", "linear_x", "angular_z",
+    "share", "blocked", "error", "human",
+)  # fmt: skip
+"""Of a record: s, m and rad in the ground frame, m/s, rad/s; flags are 0 or 1."""
+
+
+def run(
+    drivers: Sequence[Driver], pace: Pace, longest: float, tell: Callable[[Driver, Step], None] | None = None
+) -> bool:
+    """Drive until all are through.
+
+    Parameters
+    ----------
+    drivers
+        Of this process.
+    pace
+        The clock; its time 0 is the start.
+    longest
+        s after the start at which to end in any case.
+    tell
+        Called with every tick of every driver.
+
+    Returns
+    -------
+    bool
+        Whether all came to the end without an error.
+
+    Notes
+    -----
+    Robots are closed, and so stopped, however this ends.
+    """
+    for driver in drivers:
+        driver.begin()
+    over = good = False
+    try:
+        while pace.now() < 0:
+            pace.wait(False)
+        while not over:
+            t = pace.now()
+            steps = [driver.tick(t) for driver in drivers]
+            if tell is not None:
+                for driver, step in zip(drivers, steps, strict=True):
+                    tell(driver, step)
+            done = all(step.done for step in steps)
+            good = done and not any(step.error for step in steps)
+            over = pace.wait(done or t >= longest)
+    finally:
+        for driver in drivers:
+            driver.robot.close()
+    return good

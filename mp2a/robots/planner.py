@@ -1,0 +1,90 @@
+"""What decides where a robot drives: a choreography, seen by one of its robots."""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from mp2a.exceptions import InputError
+from mp2a.formation.choreography import follower
+from mp2a.formation.choreography.places import compose
+from mp2a.formation.choreography.runner import Choreography
+from mp2a.robots.interface import NO_POSE, Sensed
+from mp2a.spatial import Array
+
+
+class Decision(NamedTuple):
+    """What a robot is to do now."""
+
+    command: Array
+    """``(2,)`` m/s and rad/s before slip and acceleration are looked at."""
+    blocked: bool
+    """A stop signal keeps it from driving where it should."""
+    error: bool
+    """It is in its error state, for good."""
+    done: bool
+    """There is nothing more to come."""
+
+
+class Planner(Protocol):
+    """Decides for one robot."""
+
+    def place(self) -> Array:
+        """Pose ``(3,)`` in the planner's ground frame that the robot is to have at present."""
+
+    def leader(self) -> Array:
+        """Point ``(2,)`` in the planner's ground frame whose path the robot is to follow."""
+
+    def decide(self, t: float, sensed: Sensed) -> Decision:
+        """Decide at ``t`` s after the start; the pose is in the planner's ground frame."""
+
+
+class ChoreographyPlanner:
+    """One robot of a choreography. It needs no message of the others: each works out the virtual leaders by itself.
+
+    Parameters
+    ----------
+    dance
+        Not begun; used by this alone.
+    role
+        Which of its robots.
+    has_lidar
+        Whether points are to come; if so, their absence is an error.
+    """
+
+    def __init__(self, dance: Choreography, role: str, has_lidar: bool) -> None:
+        if role not in dance.robots:
+            raise InputError(f"role: got {role!r}, expected one of {', '.join(dance.robots)}")
+        self.dance, self._has_lidar = dance, has_lidar
+        self._own = dance.robots.index(role)
+        n = len(dance.robots)
+        # Of the others nothing is known here, so here they are lost; their own processes know better.
+        self._poses, self._twists = np.tile(NO_POSE, (n, 1)), np.zeros((n, 2))
+        self._points: list[Array | None] = [None] * n
+
+    def place(self) -> Array:
+        """Where the choreography has the robot at present."""
+        out: Array = self.dance.places()[self._own]
+        return out
+
+    def leader(self) -> Array:
+        """Where the robot's own leader is: the virtual leader, moved sideways into the robot's lane."""
+        out: Array = follower.lanes(self.dance.state.leaders)[self._own]
+        return out
+
+    def decide(self, t: float, sensed: Sensed) -> Decision:
+        """Run the choreography up to now."""
+        own = self._own
+        self._poses[own] = sensed.pose
+        self._twists[own] = sensed.twist
+        self._points[own] = sensed.points
+        commands = self.dance.step(t, self._poses, self._twists, self._points if self._has_lidar else None)
+        error = bool(self.dance.state.error[own])
+        return Decision(commands[own], bool(self.dance.blocked[own]) and not error, error, self.dance.done)
+
+
+def origin_of(place: Array, pose: Array) -> Array:
+    """Pose ``(3,)`` of the robot's fixed frame in the ground frame, if the robot at ``pose`` is at ``place``."""
+    heading = place[2] - pose[2]
+    at: Array = np.array([0.0, 0.0, heading])
+    offset = compose(at, np.array([pose[0], pose[1], 0.0]))
+    return np.array([place[0] - offset[0], place[1] - offset[1], heading])

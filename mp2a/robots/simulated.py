@@ -1,0 +1,91 @@
+"""Robots of the 2-D simulator behind the interface of real ones, in one process or a rank a robot."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mp2a.robots.interface import Sensed
+from mp2a.simulator.observation import Observation
+from mp2a.simulator.simulation import Simulation
+from mp2a.spatial import Array
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+class SimulatedPace:
+    """Time of a simulation: a tick gives everybody's commands to it and lets it go on.
+
+    With a communicator every rank has the same simulation and one robot of it. Commands are exchanged each tick; since
+    the same calls give the same numbers, all ranks simulate the same.
+
+    Parameters
+    ----------
+    simulation
+        Of all robots.
+    period
+        s a tick.
+    own
+        Numbers of the robots that this process drives, from 0.
+    comm
+        With as many ranks as robots; None: all are driven here.
+    """
+
+    def __init__(
+        self, simulation: Simulation, period: float, own: Sequence[int], comm: "MPI.Comm | None" = None
+    ) -> None:
+        self.simulation = simulation
+        self._period, self._comm = period, comm
+        self._commands = np.zeros((len(simulation), 2))
+        self._sensed: Observation = simulation.sense()
+        self.robots = [SimulatedRobot(self, number) for number in own]
+
+    def now(self) -> float:
+        """Tell the simulated time, s."""
+        return self.simulation.time
+
+    def sensed(self) -> Observation:
+        """Tell what the robots know at this tick."""
+        return self._sensed
+
+    def give(self, number: int, command: Array) -> None:
+        """Set one robot's command."""
+        self._commands[number] = command
+
+    def wait(self, done: bool = False) -> bool:
+        """Simulate a tick; returns whether all are done."""
+        commands = self._commands
+        if self._comm is not None:
+            rows = self._comm.allgather((commands[self._comm.rank].tolist(), done))
+            commands, done = np.array([row for row, _ in rows]), all(other for _, other in rows)
+        self.simulation.step(commands, self._period)
+        self._sensed = self.simulation.sense()
+        return done
+
+
+class SimulatedRobot:
+    """One robot of a simulation."""
+
+    has_lidar = True
+
+    def __init__(self, pace: SimulatedPace, number: int) -> None:
+        self._pace, self._number = pace, number
+        self.warnings: list[str | None] = []
+
+    def sense(self) -> Sensed:
+        """Tell what the simulator says."""
+        seen, i = self._pace.sensed(), self._number
+        return Sensed(seen.poses[i], seen.twists[i], seen.news[i])
+
+    def send(self, command: Array) -> None:
+        """Take a command for the next tick."""
+        self._pace.give(self._number, command)
+
+    def warn(self, text: str | None) -> None:
+        """Remember what would be said."""
+        self.warnings.append(text)
+
+    def close(self) -> None:
+        """Stand."""
+        self._pace.give(self._number, np.zeros(2))

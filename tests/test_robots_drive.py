@@ -1,0 +1,274 @@
+"""Robots drive scenarios behind the interface of real ones: ideal, simulated, failing."""
+
+import csv
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mp2a import launch
+from mp2a.cli import main
+from mp2a.cli.drive import ADAPTERS
+from mp2a.exceptions import InputError
+from mp2a.formation.choreography.ideal import run as ideal_run
+from mp2a.formation.choreography.places import compose
+from mp2a.formation.choreography.reading import parse
+from mp2a.formation.choreography.runner import Choreography
+from mp2a.formation.robot_models import HUSKY
+from mp2a.robots import fleet, robots_file, sound
+from mp2a.robots.driver import Driver, run
+from mp2a.robots.dry import DryRobot, VirtualPace
+from mp2a.robots.interface import NO_POSE, Sensed
+from mp2a.robots.planner import ChoreographyPlanner, origin_of
+from mp2a.robots.simulated import SimulatedPace
+from mp2a.robots.table import INTERFACES
+from mp2a.simulator import NO_SLIP, PHYSICS_ENGINE_SLIP, Simulation, World
+
+SCENARIOS = Path(__file__).parents[1] / "examples" / "scenarios"
+TWO = parse((SCENARIOS / "listing_7_1.txt").read_text())
+AHEAD = parse("robots R1\nrow R1 0 0\nmove 6 0")
+POSE = st.tuples(*[st.floats(-5, 5)] * 3)
+
+
+def simulated(scenario, world=None, slip=NO_SLIP):
+    """Drivers of simulated robots, in one process."""
+    interfaces = [INTERFACES["husky"]] * len(scenario.robots)
+    places = Choreography(scenario, HUSKY).places()
+    simulation = Simulation(World() if world is None else world, HUSKY, places, slip=slip)
+    pace = SimulatedPace(simulation, 0.05, range(len(places)))
+    drivers = [
+        Driver(role, robot, interface, ChoreographyPlanner(Choreography(scenario, HUSKY), role, True), False)
+        for role, robot, interface in zip(scenario.robots, pace.robots, interfaces, strict=True)
+    ]
+    return drivers, pace
+
+
+def test_each_robot_alone_does_what_all_together_do():
+    """Nobody needs to know the others: ideal robots drive as in one choreography that knows all."""
+    found = robots_file.parse('[robots.R1]\nmodel="husky"\n[robots.R2]\nmodel="husky"', TWO.robots)
+    drivers, pace = fleet.build(TWO, found, TWO.robots, None)
+    assert run(drivers, pace, 100)
+    together = ideal_run(Choreography(TWO, HUSKY))
+    for i, driver in enumerate(drivers):
+        last = driver.steps[-1]
+        assert last.time == pytest.approx(together.time[-1], abs=0.5)
+        np.testing.assert_allclose(last.pose, together.poses[-1, i], atol=0.15)
+
+
+@pytest.mark.parametrize("slip", [NO_SLIP, PHYSICS_ENGINE_SLIP])
+def test_commands_keep_to_speeds_and_accelerations(slip):
+    drivers, pace = simulated(TWO, slip=slip)
+    assert run(drivers, pace, 100)
+    assert not pace.simulation.collisions
+    for driver in drivers:
+        commands = np.array([step.command for step in driver.steps])
+        assert (np.abs(commands) <= [HUSKY.max_speed, HUSKY.max_turn_rate]).all()
+        change = np.abs(np.diff(commands, axis=0, prepend=[[0, 0]])) / 0.05
+        assert (change <= np.array([HUSKY.max_acceleration, HUSKY.max_turn_acceleration]) + 1e-9).all()
+
+
+def test_learning_slip_brings_slipping_robots_closer_to_their_path(monkeypatch):
+    def error():
+        drivers, pace = simulated(TWO, slip=PHYSICS_ENGINE_SLIP)
+        assert run(drivers, pace, 100)
+        worst = 0.0
+        for driver in drivers:
+            track = np.array([step.pose[:2] for step in driver.steps])
+            leader = np.array([step.leader for step in driver.steps])
+            line = np.concatenate((np.linspace(track[0], leader[0], 50), leader))
+            worst = max(worst, np.min(np.hypot(*(track[:, None] - line).transpose(2, 0, 1)), axis=1).max())
+        return worst
+
+    learning = error()
+    monkeypatch.setattr("mp2a.robots.slip.learn", lambda slip, *_: slip)
+    assert learning < error()
+
+
+class Failing(DryRobot):
+    """An ideal robot whose sensors fail from a time on."""
+
+    def __init__(self, pose, what, lidar):
+        super().__init__(HUSKY, pose)
+        self.what, self.has_lidar, self.ticks, self.sent, self.warnings = what, lidar, 0, [], []
+
+    def sense(self):
+        self.ticks += 1
+        sensed = super().sense()
+        failed = self.what(self.ticks)
+        pose = NO_POSE if failed == "pose" else sensed.pose
+        seen = [[0.9, 0.0]] if failed == "wall" else np.empty((0, 2))
+        points = None if failed == "points" or not self.has_lidar else np.array(seen)
+        return Sensed(pose, sensed.twist, points)
+
+    def send(self, command):
+        super().send(command)
+        self.sent.append(tuple(command))
+
+    def warn(self, text):
+        self.warnings.append((self.ticks, text))
+
+
+def fail(what, lidar=True):
+    robot = Failing([-0.5, 0, 0], what, lidar)
+    planner = ChoreographyPlanner(Choreography(AHEAD, HUSKY), "R1", lidar)
+    driver = Driver("R1", robot, INTERFACES["husky"], planner, False)
+    good = run([driver], VirtualPace(0.05, [robot]), 30)
+    return good, robot, driver
+
+
+def test_a_stop_signal_stops_at_once_and_is_heard_until_the_way_is_clear():
+    good, robot, _ = fail(lambda tick: "wall" if 60 <= tick < 140 else None)
+    speeds = [speed for speed, _ in robot.sent]
+    assert good
+    assert speeds[58] > 0.5
+    assert all(speed <= 0 for speed in speeds[59:139])
+    assert speeds[59] == 0
+    assert max(speeds[150:]) > 0.5
+    assert robot.warnings == [(60, sound.TEXT), (120, None)]
+
+
+def test_three_lost_poses_in_a_row_are_an_error_for_good():
+    good, robot, driver = fail(lambda tick: "pose" if 40 <= tick < 43 else None)
+    assert not good
+    assert robot.sent[38] != (0, 0)
+    assert set(robot.sent[39:]) == {(0, 0)}
+    assert [step.error for step in driver.steps].index(True) == 41
+
+
+def test_two_lost_poses_in_a_row_are_not():
+    good, robot, driver = fail(lambda tick: "pose" if tick % 20 in (0, 1) else None)
+    assert good
+    assert not any(step.error for step in driver.steps)
+    assert robot.sent[39] == (0, 0)
+
+
+def test_lidar_that_is_silent_for_longer_than_300_ms_is_an_error_for_good():
+    good, robot, driver = fail(lambda tick: "points" if 40 <= tick < 60 else None)
+    assert not good
+    first = [step.error for step in driver.steps].index(True)
+    assert driver.steps[first].time - driver.steps[38].time == pytest.approx(0.35)
+    assert set(robot.sent[first:]) == {(0, 0)}
+
+
+def test_lidar_that_is_silent_for_a_little_less_is_not():
+    good, _, driver = fail(lambda tick: "points" if 40 <= tick < 45 else None)
+    assert good
+    assert not any(step.error for step in driver.steps)
+
+
+def test_a_robot_is_closed_whatever_happens():
+    class Broken(DryRobot):
+        closed = False
+
+        def sense(self):
+            raise RuntimeError("no")
+
+        def close(self):
+            self.closed = True
+
+    robot = Broken(HUSKY, np.zeros(3))
+    planner = ChoreographyPlanner(Choreography(AHEAD, HUSKY), "R1", False)
+    with pytest.raises(RuntimeError, match="no"):
+        run([Driver("R1", robot, INTERFACES["husky"], planner, False)], VirtualPace(0.05, [robot]), 30)
+    assert robot.closed
+
+
+@given(POSE, POSE)
+def test_origin_takes_the_pose_to_the_place(place, pose):
+    origin = origin_of(np.array(place), np.array(pose))
+    np.testing.assert_allclose(compose(origin, pose), place, atol=1e-9)
+
+
+@given(POSE)
+def test_where_the_fixed_frame_lies_does_not_matter(frame):
+    """A robot that starts in place drives the same commands whatever its own frame is."""
+
+    def commands(origin):
+        start = compose(origin, [-0.5, 0.0, 0.0])
+        robot = DryRobot(HUSKY, start)
+        scenario = parse("robots R1\nrow R1 0 0\nmove 1 40")
+        planner = ChoreographyPlanner(Choreography(scenario, HUSKY), "R1", False)
+        driver = Driver("R1", robot, INTERFACES["husky"], planner, True)
+        run([driver], VirtualPace(0.05, [robot]), 2)
+        return np.array([step.command for step in driver.steps])
+
+    np.testing.assert_allclose(commands(np.array(frame)), commands(np.zeros(3)), atol=1e-6)
+
+
+# ---- the command -----------------------------------------------------------------------------------------------
+
+
+def test_dry_run_prints_what_would_be_sent_and_records_it(tmp_path, capsys):
+    path = str(SCENARIOS / "listing_7_1.txt")
+    assert main(["drive", path, "--robots", "R1=husky,R2=tradr", "--record", str(tmp_path)]) == 0
+    printed = capsys.readouterr().out
+    assert "/nav/cmd_vel  linear.x" in printed
+    assert printed.count("would be sent  done") == 2
+    with (tmp_path / "R2.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert max(float(row["linear_x"]) for row in rows) <= 0.5
+    assert float(rows[1]["time"]) == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--robots", "robot"], "--robots: robots.R1: model: got 'robot'"),
+        (["--robots", "R1=husky,tradr"], "--robots: got no table [robots.R2], expected one for each of R1, R2"),
+        (["--robots", "none.toml"], "none.toml: cannot be read as a robots file"),
+        (["--armed"], "--armed: got adapter dry, expected one of ros1, ros2"),
+        (["--role", "R7"], "--role: got 'R7', expected one of R1, R2"),
+        (["--adapter", "ros1"], "--role: got none, expected one of R1, R2, or mpirun -n 2"),
+        (["--adapter", "simulator", "--role", "R1"], "--role: got the adapter simulator"),
+    ],
+)
+def test_mistakes_on_the_command_line(options, message, capsys):
+    assert main(["drive", str(SCENARIOS / "listing_7_1.txt"), *options]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_the_example_drives_in_the_simulator():
+    robots = str(SCENARIOS.parent / "robots.toml")
+    options = ["--robots", robots, "--adapter", "simulator", "--quiet"]
+    assert main(["drive", str(SCENARIOS / "listing_7_1.txt"), *options]) == 0
+
+
+def test_the_command_knows_every_adapter():
+    assert ADAPTERS == robots_file.ADAPTERS
+
+
+def test_a_scenario_that_is_not_there(capsys):
+    assert main(["drive", "nowhere.txt"]) == 2
+    assert "SCENARIO: nowhere.txt cannot be read" in capsys.readouterr().err
+
+
+def test_unequal_rates_need_real_time():
+    found = robots_file.parse('[robots.R1]\nmodel="husky"\nrate=25\n[robots.R2]\nmodel="husky"', TWO.robots)
+    with pytest.raises(InputError, match="rate: got 20, 25 Hz, expected one for all"):
+        fleet.build(TWO, found, TWO.robots, None)
+
+
+def test_under_mpirun_every_rank_drives_its_robot_in_one_simulation(tmp_path):
+    """To the digit what one process does."""
+    path = str(SCENARIOS / "listing_7_1.txt")
+    assert main(["drive", path, "--adapter", "simulator", "--quiet", "--record", str(tmp_path / "one")]) == 0
+    program = [sys.executable, "-m", "mp2a", "drive", path, "--adapter", "simulator", "--quiet", "--record"]
+    done = launch.run(
+        2, [*program, str(tmp_path / "two")], timeout=120, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    assert done.returncode == 0, done.stdout
+    for role in ("R1", "R2"):
+        one, two = ((tmp_path / name / f"{role}.csv").read_text() for name in ("one", "two"))
+        assert one == two
+
+
+def test_a_wrong_number_of_ranks_ends_all():
+    program = [sys.executable, "-m", "mp2a", "drive", str(SCENARIOS / "listing_7_1.txt")]
+    done = launch.run(3, program, timeout=120, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    assert done.returncode
+    assert "mpirun: got 3 ranks, expected 2, one for each of R1, R2" in done.stdout
+    assert "Traceback" not in done.stdout
