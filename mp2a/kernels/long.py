@@ -25,6 +25,9 @@ from mp2a.spatial import Array, cross
 WORTH_IT = 8000
 """Bodies from which on the blocks gain more than the scans over them take."""
 
+_WORTH_A_THREAD = 40_000
+"""Bodies for each thread: with fewer, waking the others three times takes longer than they save."""
+
 _LONGEST = 8192
 """Bodies of a block, so that what a group of blocks leaves for the way back stays in the cache."""
 
@@ -136,7 +139,8 @@ class _Work(NamedTuple):
 
 
 def _prepare(chain: Chain, state: State, threads: int | None, *, bodies: bool) -> _Work:
-    threads = cores.share() if threads is None else threads
+    if threads is None:
+        threads = max(1, min(cores.share(), len(chain) // _WORTH_A_THREAD))
     cut = _cut(chain, max(threads, -(-len(chain) // (_LANES * _LONGEST))), bodies)
     groups = cut.groups
     places = groups * _LANES * cut.length
