@@ -23,6 +23,7 @@ LONG = 20.0
 # A planner: starts a watchdog, says both process ids, and drives; what then, by the second argument.
 PLANNER = """
 import os, sys, time
+import signal
 from mp2a.robots.sender import Sender
 from mp2a.robots.table import INTERFACES
 
@@ -30,6 +31,7 @@ file, what = sys.argv[1:3]
 if what == "mpi":
     from mpi4py import MPI
     file += str(MPI.COMM_WORLD.rank)
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs come with it ignored
 sender = Sender(INTERFACES["husky"], "file", file=file)
 print(os.getpid(), sender.pid, flush=True)
 begin = time.monotonic()
