@@ -217,7 +217,7 @@ def _targets(
 
 def _rows_of(result: InverseDynamics, sizes: tuple[int, int], form: np.dtype) -> Array | None:
     """``(T, n, 18)`` of which a result's arrays are parts; None if they are not."""
-    parts = [np.reshape(x, (-1, *x.shape[-2:])) for x in (result.velocity, result.acceleration, result.force)]
+    parts = [x if x.ndim == 3 else x[None] for x in (result.velocity, result.acceleration, result.force)]
     first, step = parts[0], form.itemsize
     places = [part.ctypes.data - first.ctypes.data for part in parts]
     alike = all(part.shape == (*sizes, 6) and part.dtype == form and part.strides == first.strides for part in parts)

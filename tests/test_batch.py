@@ -1,7 +1,9 @@
 """The compiled recursion gives what numpy's gives, for any chain, layout and number of samples."""
 
 import dataclasses
+import os
 import re
+import signal
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -108,7 +110,7 @@ def test_torques_go_where_they_are_told(layout):
 
 
 @pytest.mark.parametrize("samples", [None, 1, 21])
-@pytest.mark.parametrize("n", [6, long.WORTH_IT])
+@pytest.mark.parametrize("n", [1, 6, long.WORTH_IT])
 def test_results_of_an_earlier_call_are_filled_again(n, samples):
     chain = Chain.random(n)
     old, new = (chain.random_state(samples, seed) for seed in (1, 2))
@@ -389,3 +391,17 @@ def test_many_callers_share_the_threads():
 
     with ThreadPoolExecutor(4) as callers:
         assert list(callers.map(call, range(4), timeout=120)) == [0, 0, 0, 0]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+@pytest.mark.parametrize("n, samples", [(8, 400), (long.WORTH_IT, 1)])
+def test_forked_process_has_threads_of_its_own(n, samples):
+    """A process that is forked after the threads were used must not wait for those of its parent."""
+    chain = Chain.random(n)
+    state = chain.random_state(samples)
+    expected = mp2a.rnea(chain, *state, threads=2)
+    child = os.fork()
+    if not child:
+        signal.alarm(20)
+        os._exit(not np.array_equal(mp2a.rnea(chain, *state, threads=2), expected))
+    assert os.waitpid(child, 0)[1] == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -114,3 +115,12 @@ class Crew:
 
 
 CREW = Crew()
+
+
+def _start_anew() -> None:
+    """Forget the threads of the parent process, of which a forked one has none."""
+    _pool.cache_clear()
+    CREW.__init__()  # type: ignore[misc]
+
+
+os.register_at_fork(after_in_child=_start_anew)
