@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from mp2a import cores, kernels
 from mp2a.chain import Chain
+from mp2a.kernels.kept import Kept
 from mp2a.kernels.library import Run
 from mp2a.kernels.plan import FORMATS, Format, Job, Plan, make_plan
 from mp2a.kernels.threads import CREW
@@ -21,6 +21,8 @@ _WORTH_A_THREAD = 5_000
 
 _FEWEST_PIECES, _PIECES = 2, 8
 """Pieces of the work for each thread, so that one that is held up leaves some to the others."""
+
+_PLANS: Kept[Plan] = Kept()
 
 
 class Result(NamedTuple):
@@ -171,7 +173,8 @@ def _run(
     chunks, work_there_is = -(-samples // form.lanes), len(chain) * samples
     threads = _threads(threads, work_there_is, chunks)
     pieces = min(chunks, threads * max(_FEWEST_PIECES, min(_PIECES, work_there_is // (threads * _WORTH_A_THREAD))))
-    plan, at = _plan(chain, form, bodies), kernels.pointer
+    at = kernels.pointer
+    plan = _PLANS.get(chain, (form.name, bodies), lambda: make_plan(chain, form, bodies=bodies))
     tables = at(plan.hot), at(plan.frames), at(plan.topology)
     sizes = len(chain), samples, chain.nq, chain.nv, given.columnwise
     job: NDArray[np.int64] = np.array(Job._make((*sizes, *tables, *ends, *given.numbers, *results)), dtype=np.int64)
@@ -182,19 +185,6 @@ def _threads(asked: int | None, work: int, chunks: int) -> int:
     if asked is None:
         asked = min(cores.share(), work // _WORTH_A_THREAD) if work >= 2 * _WORTH_A_THREAD else 1
     return max(1, min(asked, chunks))
-
-
-_plans: dict[tuple[int, str, bool], tuple[weakref.ref[Chain], Plan]] = {}
-
-
-def _plan(chain: Chain, form: Format, bodies: bool) -> Plan:
-    """Tables of a chain; kept as long as the chain lives, for chains do not change."""
-    key = id(chain), form.name, bodies
-    known = _plans.get(key)
-    if known is None or known[0]() is not chain:
-        known = weakref.ref(chain, lambda _: _plans.pop(key, None)), make_plan(chain, form, bodies=bodies)
-        _plans[key] = known
-    return known[1]
 
 
 def _fits(array: Array, columnwise: bool) -> bool:

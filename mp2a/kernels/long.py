@@ -6,7 +6,6 @@ So three passes through all blocks at once do, with a scan over the few blocks a
 motion and each block's own wrench; torques.
 """
 
-import weakref
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -16,8 +15,9 @@ from numpy.typing import NDArray
 from mp2a import cores, kernels
 from mp2a.chain import Chain
 from mp2a.kernels.batch import Result, Segment
+from mp2a.kernels.kept import Kept
 from mp2a.kernels.library import Run
-from mp2a.kernels.plan import FORMATS, Job, Plan, lay_out_screws, make_plan
+from mp2a.kernels.plan import FORMATS, Job, lay_out_screws, make_plan
 from mp2a.kernels.threads import share
 from mp2a.leaf import State
 from mp2a.spatial import Array, cross
@@ -61,6 +61,9 @@ class Cut(NamedTuple):
     def length(self) -> int:
         """Bodies of a block; the last blocks are filled up with bodies that are nothing."""
         return self.hot.shape[1]
+
+
+_CUTS: Kept[Cut] = Kept()
 
 
 def fits(chain: Chain, samples: int) -> bool:
@@ -141,8 +144,8 @@ class _Work(NamedTuple):
 def _prepare(chain: Chain, state: State, threads: int | None, *, bodies: bool) -> _Work:
     if threads is None:
         threads = max(1, min(cores.share(), len(chain) // _WORTH_A_THREAD))
-    cut = _cut(chain, max(threads, -(-len(chain) // (_LANES * _LONGEST))), bodies)
-    groups = cut.groups
+    groups = max(threads, -(-len(chain) // (_LANES * _LONGEST)))
+    cut = _CUTS.get(chain, (groups, bodies), lambda: _make_cut(chain, groups, bodies))
     places = groups * _LANES * cut.length
     angles, sound = _angles(chain, state.q[0])
     columns = *(_filled(x, places) for x in (angles, state.v[0], state.a[0])), np.empty(places)
@@ -220,22 +223,8 @@ def _passed(paths: Array, own: Array, last: Array) -> Array:
     return passed
 
 
-_cuts: dict[tuple[int, int, bool], tuple[weakref.ref[Chain], Cut]] = {}
-
-
-def _cut(chain: Chain, groups: int, bodies: bool) -> Cut:
-    """Cut a chain; what came out is kept as long as the chain lives."""
-    key = id(chain), groups, bodies
-    known = _cuts.get(key)
-    if known is None or known[0]() is not chain:
-        whole = make_plan(chain, _DOUBLE, bodies=bodies)
-        known = weakref.ref(chain, lambda _: _cuts.pop(key, None)), _make_cut(whole, groups, bodies)
-        _cuts[key] = known
-    return known[1]
-
-
-def _make_cut(whole: Plan, groups: int, bodies: bool) -> Cut:
-    n = len(whole.hot)
+def _make_cut(chain: Chain, groups: int, bodies: bool) -> Cut:
+    n, whole = len(chain), make_plan(chain, _DOUBLE, bodies=bodies)
     length = -(-n // (groups * _LANES))
     tables: list[Array] = []
     for table, ones in ((whole.hot, (0,)), (whole.frames, (0, 4, 8, 18, 20))):

@@ -1,0 +1,25 @@
+"""What is worked out of a chain once and kept as long as the chain lives, for chains do not change."""
+
+import weakref
+from collections.abc import Callable, Hashable
+from typing import Generic, TypeVar
+
+from mp2a.chain import Chain
+
+Made = TypeVar("Made")
+
+
+class Kept(Generic[Made]):
+    """Things made of chains, by the chain itself (not by what is in it, which takes long to compare) and a key."""
+
+    def __init__(self) -> None:
+        self._held: dict[tuple[int, Hashable], tuple[weakref.ref[Chain], Made]] = {}
+
+    def get(self, chain: Chain, key: Hashable, make: Callable[[], Made]) -> Made:
+        """Return what was made of a chain, or make it."""
+        place = id(chain), key
+        known = self._held.get(place)
+        if known is None or known[0]() is not chain:
+            known = weakref.ref(chain, lambda _: self._held.pop(place, None)), make()
+            self._held[place] = known
+        return known[1]
