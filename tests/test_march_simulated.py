@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from mp2a.exceptions import InputError
 from mp2a.formation import Formation, Limits, March, waypoints
 from mp2a.formation.choreography import follower
+from mp2a.formation.choreography.ideal import run as ideal_run
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.odometry import Odometry, into_frame, onto_ground
@@ -169,6 +170,25 @@ def test_a_robot_of_its_own_does_what_it_does_among_all(which):
         assert (alone.step(part)[0] == told[which]).all()
         simulation.step(told)
     assert alone.choreography.state.error.tolist() == [i != which for i in range(2)]
+
+
+def test_a_column_keeps_to_its_path_though_its_robots_see_each_other():
+    text = "robots R1 R2 R3 R4\ncolumn R1;R2;R3;R4 2 0\nmove 5 0\ncircle 4 90 0.1\nmove 5 0"
+    path = ideal_run(Choreography(parse(text), HUSKY)).poses[..., :2]
+    _, simulation, recording = dance(text, world=World(), until=40)
+    assert not simulation.collisions
+    for i in range(4):  # with a field that fellow robots push in, the last one is 0.7 m off
+        off = np.hypot(*np.moveaxis(recording.poses[:, None, i, :2] - path[None, :, i], -1, 0)).min(axis=1)
+        assert off.max() < 0.2
+
+
+def test_a_robot_that_turns_along_a_wall_does_not_touch_it():
+    """A case that a corner touched it in: 2 m on, and round by 73° before a slanting wall."""
+    tilt, reach = -0.85, 8
+    step = reach * np.array([np.sin(tilt), np.cos(tilt)])
+    world = World([[np.array([1.66, 0.0]) - step, np.array([1.66, 0.0]) + step]])
+    _, simulation, _ = dance("robots R1\nrow R1 0 0\nmove 2.53 0\nmove 3.09 -73", world=world, until=20)
+    assert not simulation.collisions
 
 
 def test_a_silent_sensor_ends_its_robot_and_is_in_the_recording():

@@ -14,17 +14,21 @@ from mp2a.formation.robot_models import HUSKY
 from mp2a.methods import METHODS
 
 check = Checks()
+
+
+def line(shape, robots):
+    """Some robots in a row or a column."""
+    gap = 1.5 if len(robots) > 1 else 0
+    return f"row {','.join(robots)} 0 {gap}" if shape == "row" else f"column {';'.join(robots)} {gap} 0"
+
+
 robots = [f"R{i + 1}" for i in range(SIZE)]
 front, back = robots[: (SIZE + 1) // 2], robots[(SIZE + 1) // 2 :]
-lines = [
-    f"robots {' '.join(robots)}",
-    "groups",
-    f"front {' '.join(front)}",
-    *([f"back {' '.join(back)}"] if back else []),
-]
-lines += ["start", f"row {','.join(robots)} 0 1.5", "move 2 30", f"column {';'.join(robots)} 1.5 0", "circle 3 60 0.2"]
-lines += [f"row {','.join(front)} 0 1.5", *([f"column {';'.join(back)} 1.5 0"] if back else []), "newVL"]
-lines += ["move 1 -40 front", *(["move 2 20 back"] if back else []), "move 1 0 front"]
+groups = {name: members for name, members in (("front", front), ("back", back)) if members}
+lines = [f"robots {' '.join(robots)}", "groups", *(" ".join((name, *members)) for name, members in groups.items())]
+lines += ["start", line("row", robots), "move 2 30", line("column", robots), "circle 3 60 0.2", line("row", front)]
+lines += [*([line("column", back)] if back else []), "newVL"]
+lines += [text for text in ("move 1 -40 front", "move 2 20 back", "move 1 0 front") if text.split()[-1] in groups]
 scenario = parse("\n".join(lines))
 
 expected = COMM.bcast(run(Choreography(scenario, HUSKY)) if RANK == 0 else None)

@@ -53,6 +53,10 @@ STOP_DISTANCE = 0.55
 """m from the robot's front or rear (section 5.2)."""
 STOP_SIDE = 0.05
 """m beside the body that also counts as in the way; ours."""
+TURN_AHEAD = 0.5
+"""rad: no turn whose first half radian brings the body, with TURN_SIDE around it, against a point; ours."""
+TURN_SIDE = 0.1
+"""m around the body that a turn keeps free; ours."""
 
 # ---- failures --------------------------------------------------------------------------------------------------
 SILENCE = 0.3

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mp2a.checks import array, numbers
 from mp2a.exceptions import InputError
-from mp2a.formation.choreography import follower, leader, obstacles
+from mp2a.formation.choreography import fellows, follower, leader, obstacles
 from mp2a.formation.choreography.constants import LOST_POSES, SILENCE, TICK
 from mp2a.formation.choreography.places import compose
 from mp2a.formation.choreography.program import END, compile_program
@@ -62,6 +62,8 @@ class State(NamedTuple):
         ``(n,)`` m: how much farther than asked each robot is from its leader.
     asked
         ``(n, 2)``: what the controller asked for before any limit, m/s and rad/s.
+    expected
+        ``(ticks, n, 2)``: where robots are to be and were to be a moment ago, oldest first, ground frame, m.
     seen
         Force and stop signals of the newest points.
     heard
@@ -78,6 +80,7 @@ class State(NamedTuple):
     queues: follower.Queues
     excess: Array
     asked: Array
+    expected: Array
     seen: obstacles.Seen
     heard: Array
     lost: NDArray[np.intp]
@@ -142,15 +145,17 @@ class Choreography:
         self._exchange, self._parts = exchange, parts(self.program)
         began = leader.start(self.program, None if poses is None else array("poses", poses, (n, 3)))
         none = np.zeros(n, dtype=bool)
-        unseen = obstacles.Seen(np.zeros((n, 2)), none, none)
+        unseen = obstacles.Seen(np.zeros((n, 2)), none, none, none, none)
         zero = np.zeros(n)
+        queues = follower.empty(n)
         self.state = State(
             -1,
             began if exchange is None or exchange.robots[0] == 0 else None,
             began.leaders,
-            follower.empty(n),
+            queues,
             zero,
             np.zeros((n, 2)),
+            np.stack((fellows.expected(queues, began.leaders),) * fellows.MEMORY),
             unseen,
             np.full(n, np.nan),
             np.zeros(n, dtype=np.intp),
@@ -223,12 +228,12 @@ class Choreography:
         try:
             place = _rows("poses", poses, (n, 3))
             _rows("twists", twists, (n, 2))
-            known: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(place), axis=1)
-            state = self._sense(t, known, points)
+            state = self._sense(t, place, points)
         except InputError as wrong:
             if self._exchange is not None and tick > self.state.tick:  # the others are waiting to be told
                 self._told(self.state.leaders, self.state.course, wrong)
             raise
+        known = state.lost == 0
         if tick < 0:
             self.state = state
             return np.zeros((n, 2))
@@ -251,8 +256,9 @@ class Choreography:
             raise InputError(f"t: got {t} s after {last:g} s, expected time to run on, in steps of less than a minute")
         return -1 if now < 0 else max(int(now / TICK + 1e-6), self.state.tick)
 
-    def _sense(self, t: float, known: NDArray[np.bool_], points: Sequence[ArrayLike | None] | None) -> State:
+    def _sense(self, t: float, poses: Array, points: Sequence[ArrayLike | None] | None) -> State:
         state = self.state
+        known = np.logical_and.reduce(np.isfinite(poses), axis=1)
         lost = np.where(known, 0, state.lost + 1)
         error = state.error | (lost >= LOST_POSES)
         if points is None and np.isnan(state.heard).all():
@@ -261,11 +267,12 @@ class Choreography:
         given = [None] * n if points is None else points
         cloud, whose = obstacles.flatten(given, n)
         came = np.array([one is not None for one in given])
-        fresh = obstacles.look(cloud, whose, self.fleet.length, self.fleet.width)
+        length, width = self.fleet.length, self.fleet.width
+        strange = fellows.strange(cloud, whose, poses, state.expected, np.hypot(length, width) / 2)
+        fresh = obstacles.look(cloud, whose, length, width, strange)
         seen = obstacles.Seen(
             np.where(came[:, None], fresh.force, state.seen.force),
-            np.where(came, fresh.front, state.seen.front),
-            np.where(came, fresh.rear, state.seen.rear),
+            *(np.where(came, now, before) for now, before in zip(fresh[1:], state.seen[1:], strict=True)),
         )
         heard = np.where(came | np.isnan(state.heard) | (t < 0), t, state.heard)
         error = error | (t - heard > SILENCE + 1e-9)
@@ -282,7 +289,8 @@ class Choreography:
         queues = state.queues
         if not leaders.stands.all():
             queues = follower.push(queues, follower.lanes(leaders))
-        return state._replace(tick=tick, course=course, leaders=leaders, queues=queues)
+        expected = np.concatenate((state.expected[1:], fellows.expected(queues, leaders)[None]))
+        return state._replace(tick=tick, course=course, leaders=leaders, queues=queues, expected=expected)
 
     def _told(
         self, before: leader.Leaders, course: leader.Course | None, wrong: InputError | None = None
@@ -311,6 +319,8 @@ class Choreography:
         limits = np.column_stack((self.fleet.max_speed, self.fleet.max_turn_rate))
         out = np.clip(asked, -limits, limits)
         out[self.blocked, 0] = 0.0
+        turn, seen = out[:, 1], self.state.seen
+        out[(seen.left & (turn > 0)) | (seen.right & (turn < 0)), 1] = 0.0
         out[self.state.error | ~known] = 0.0
         return out
 
