@@ -209,7 +209,11 @@ def test_a_fellow_in_its_place_pushes_nobody_and_stops_all():
     alone = Choreography(parse("robots R2\nrow R2 0 0\nmove 20 0"), HUSKY)
     alone.step(0.0, alone.places(), np.zeros((1, 2)), [rear])
     assert np.hypot(*alone.state.seen.force[0]) > 0.1
-    # And so does something else near by.
+    # And so they do for a robot that is off its place, and something else near by always does.
+    off = show.places()
+    off[1, 1] += 2 * TARGET_TOLERANCE
+    show.step(1.0, off, np.zeros((2, 2)), [CLEAR, rear])
+    assert np.hypot(*show.state.seen.force[1]) > 0.1
     other = np.array([[1.2, 1.2]])
     show.step(1.0, show.places(), np.zeros((2, 2)), [CLEAR, other])
     assert np.hypot(*show.state.seen.force[1]) > 0

@@ -2,7 +2,8 @@
 
 A robot knows the leaders of all, and with that where each fellow drives: on its lane, at its distance behind its own
 leader. Points there are most likely the fellow. They stop a robot like any other point; but a robot that the force
-field turned away from the one in front would leave the column.
+field turned away from the one in front would leave the column. A robot that is itself off its place, to catch up or
+because its wheels slip, minds everybody.
 """
 
 import numpy as np
@@ -37,7 +38,7 @@ def expected(queues: Queues, leaders: Leaders) -> Array:
 
 
 def strange(points: Array, whose: NDArray[np.intp], poses: Array, memory: Array, sizes: Array) -> NDArray[np.bool_]:
-    """Which points are not where a fellow is to be or was a moment ago.
+    """Which points are not where a fellow is to be or was a moment ago; all, for a robot that is off its own place.
 
     Parameters
     ----------
@@ -61,13 +62,14 @@ def strange(points: Array, whose: NDArray[np.intp], poses: Array, memory: Array,
     out = np.ones(len(points), dtype=bool)
     reach = sizes + TARGET_TOLERANCE
     there = memory[-1]
+    in_place = np.hypot(*(there - poses[:, :2]).T) < TARGET_TOLERANCE
     away = np.hypot(*np.moveaxis(there[None] - poses[:, None, :2], -1, 0)) - reach
     np.fill_diagonal(away, np.inf)
     near = np.argsort(away, axis=1)[:, : min(_NEAREST, n - 1)]
     for fellow in near.T:  # (n,): a fellow of each robot
         begin, end = (seen_from(poses, memory[k, fellow]) for k in (0, -1))
         close = _distance(points, begin[whose], end[whose]) < reach[fellow[whose]]
-        out &= ~(close & (away[np.arange(n), fellow] < WINDOW)[whose])
+        out &= ~(close & (in_place & (away[np.arange(n), fellow] < WINDOW))[whose])
     return out
 
 
