@@ -154,13 +154,13 @@ def test_a_dancer_puts_late_points_where_they_are_now():
     assert robot.choreography.blocked[0]
 
 
-@pytest.mark.parametrize("which", [0, 1])
-def test_a_robot_of_its_own_does_what_it_does_among_all(which):
+@pytest.mark.parametrize(("name", "model", "which", "ticks"), [("7_1", HUSKY, 0, 110), ("6_3", TRADR, 3, 600)])
+def test_a_robot_of_its_own_does_what_it_does_among_all(name, model, which, ticks):
     """What a rank does: one robot that knows its own pose and points alone gives the same commands."""
-    text = LISTINGS["7_1"]
-    whole, alone = Dance(Choreography(parse(text), HUSKY)), Dance(Choreography(parse(text), HUSKY), [which])
-    simulation = Simulation(ROOM, HUSKY, whole.choreography.places())
-    for _ in range(110):
+    text = LISTINGS[name]
+    whole, alone = Dance(Choreography(parse(text), model)), Dance(Choreography(parse(text), model), [which])
+    simulation = Simulation(World(), model, whole.choreography.places())
+    for _ in range(ticks):
         sensed = simulation.sense()
         told = whole.step(sensed)
         one = slice(which, which + 1)
@@ -169,7 +169,7 @@ def test_a_robot_of_its_own_does_what_it_does_among_all(which):
         })  # fmt: skip
         assert (alone.step(part)[0] == told[which]).all()
         simulation.step(told)
-    assert alone.choreography.state.error.tolist() == [i != which for i in range(2)]
+    assert alone.choreography.state.error.tolist() == [i != which for i in range(len(simulation))]
 
 
 def test_a_column_keeps_to_its_path_though_its_robots_see_each_other():

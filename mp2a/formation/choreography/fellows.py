@@ -9,7 +9,7 @@ because its wheels slip, minds everybody.
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.formation.choreography.constants import TARGET_TOLERANCE, WINDOW
+from mp2a.formation.choreography.constants import LANE_KEPT, TARGET_TOLERANCE, WINDOW
 from mp2a.formation.choreography.follower import Queues, lanes
 from mp2a.formation.choreography.leader import Leaders
 from mp2a.formation.choreography.places import compose, seen_from
@@ -21,20 +21,34 @@ _NEAREST = 8
 """Fellows that are looked for among a robot's points."""
 
 
-def expected(queues: Queues, leaders: Leaders) -> Array:
-    """Where robots are to be, ``(n, 2)`` m in the ground frame: on their lanes, at their distance from their leaders.
+def expected(queues: Queues, leaders: Leaders) -> tuple[Queues, Array]:
+    """Where robots are to be: on their lanes, at their distance from their leaders.
 
-    The newest point of a lane that is as far from the leader as asked; without one, the place in the formation.
+    Returns
+    -------
+    tuple
+        The queues, and ``(n, 2)`` m in the ground frame: the newest point of a lane that is as far from the leader as
+        asked, looked for from the one of a tick ago; without one, the place in the formation.
     """
     place = np.column_stack((leaders.place, np.zeros(len(leaders.place))))
     still = compose(leaders.pose, place)[:, :2]
     if not queues.tail:
-        return still
-    lane = queues.points[:, : queues.tail]
-    away = np.hypot(*np.moveaxis(lane - lanes(leaders)[:, None], -1, 0))
-    far = away >= -leaders.place[:, :1]
-    newest = queues.tail - 1 - np.argmax(far[:, ::-1], axis=1)
-    return np.where(far.any(axis=1)[:, None], lane[np.arange(len(lane)), newest], still)
+        return queues, still
+    rows, own, asked = np.arange(len(place)), lanes(leaders), -leaders.place[:, 0]
+
+    def far(k: NDArray[np.intp]) -> NDArray[np.bool_]:
+        out: NDArray[np.bool_] = np.hypot(*(queues.points[rows, k] - own).T) >= asked
+        return out
+
+    # No further back than what is kept in any case, so that a robot finds the same whomever else it knows.
+    oldest = max(queues.tail - LANE_KEPT, 0)
+    behind = np.maximum(queues.behind, oldest)
+    while (back := ~far(behind) & (behind > oldest)).any():
+        behind = behind - back
+    while (on := (behind < queues.tail - 1) & far(np.minimum(behind + 1, queues.tail - 1))).any():
+        behind = behind + on
+    there = np.where(far(behind)[:, None], queues.points[rows, behind], still)
+    return queues._replace(behind=behind), there
 
 
 def strange(points: Array, whose: NDArray[np.intp], poses: Array, memory: Array, sizes: Array) -> NDArray[np.bool_]:

@@ -155,7 +155,7 @@ class Choreography:
             queues,
             zero,
             np.zeros((n, 2)),
-            np.stack((fellows.expected(queues, began.leaders),) * fellows.MEMORY),
+            np.stack((fellows.expected(queues, began.leaders)[1],) * fellows.MEMORY),
             unseen,
             np.full(n, np.nan),
             np.zeros(n, dtype=np.intp),
@@ -289,7 +289,8 @@ class Choreography:
         queues = state.queues
         if not leaders.stands.all():
             queues = follower.push(queues, follower.lanes(leaders))
-        expected = np.concatenate((state.expected[1:], fellows.expected(queues, leaders)[None]))
+        queues, there = fellows.expected(queues, leaders)
+        expected = np.concatenate((state.expected[1:], there[None]))
         return state._replace(tick=tick, course=course, leaders=leaders, queues=queues, expected=expected)
 
     def _told(
