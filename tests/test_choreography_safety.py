@@ -22,6 +22,7 @@ from mp2a.formation.choreography.constants import (
     TURN_SIDE,
 )
 from mp2a.formation.choreography.ideal import drive
+from mp2a.formation.choreography.leader import Leaders
 from mp2a.formation.choreography.obstacles import flatten, from_cloud, look
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
@@ -195,6 +196,20 @@ def test_robots_are_where_they_are_expected(name):
         off += away[fine].tolist()
         poses, twists = drive(show.fleet, poses, twists, commands)
     assert np.quantile(off, 0.95) < TARGET_TOLERANCE
+
+
+def test_robots_are_expected_at_their_distance_whatever_it_was_before():
+    """On a straight lane along x, with a point every 0.1 m, for a distance that grows and falls."""
+    queues = follower.empty(1)
+    for k in range(101):
+        queues = follower.push(queues, np.array([[k / 10, 0.0]]))
+    for distance in (2.0, 5.0, 1.0, 9.95):
+        place = np.array([[-distance, 0.0]])
+        told = Leaders(np.array([[10.0, 0.0, 0.0]]), np.ones((1, 2)), np.zeros(1, dtype=np.intp), place)
+        queues, there = fellows.expected(queues, told)
+        assert there[0, 0] == pytest.approx(10 - distance, abs=0.1)
+    _, there = fellows.expected(queues, told._replace(place=np.array([[-12.0, 0.5]])))
+    assert there[0].tolist() == [-2.0, 0.5]  # no point is as far: its place behind the leader
 
 
 def test_a_fellow_in_its_place_pushes_nobody_and_stops_all():

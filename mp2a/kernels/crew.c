@@ -8,10 +8,11 @@ typedef long long integer;
 struct crew {
     integer open;   /* whether there is a job to take pieces of */
     integer active; /* threads that look at the job just now */
-    integer next, pieces, chunks, threads;
+    integer next, pieces, chunks, threads; /* chunks: of the one job; 0: every piece is a job of one chunk */
     void (*kernel)(integer, integer, integer, integer, integer);
-    integer job, verdict;
-    integer *scratch; /* for each thread, the address of a pointer to its memory */
+    integer verdict;
+    /* Addresses of pointers: to each piece's job and its memory; else to the job, and to each thread's memory. */
+    integer *job, *scratch;
 };
 
 static void pause_(void)
@@ -28,8 +29,11 @@ static void work(struct crew *crew, integer thread)
         integer piece = __atomic_fetch_add(&crew->next, 1, __ATOMIC_SEQ_CST);
         if (piece >= crew->pieces)
             return;
-        crew->kernel(crew->job, piece * crew->chunks / crew->pieces, (piece + 1) * crew->chunks / crew->pieces,
-                     crew->scratch[thread], crew->verdict);
+        if (!crew->chunks)
+            crew->kernel(crew->job[piece], 0, 1, crew->scratch[piece], crew->verdict);
+        else
+            crew->kernel(crew->job[0], piece * crew->chunks / crew->pieces, (piece + 1) * crew->chunks / crew->pieces,
+                         crew->scratch[thread], crew->verdict);
     }
 }
 

@@ -6,7 +6,6 @@ So three passes through all blocks at once do, with a scan over the few blocks a
 motion and each block's own wrench; torques.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +17,7 @@ from mp2a.kernels.batch import Result, Segment
 from mp2a.kernels.kept import Kept
 from mp2a.kernels.library import Run
 from mp2a.kernels.plan import FORMATS, Job, lay_out_screws, make_plan
-from mp2a.kernels.threads import share
+from mp2a.kernels.threads import CREW
 from mp2a.leaf import State
 from mp2a.spatial import Array, cross
 
@@ -84,20 +83,20 @@ def recursion(
     groups, length = work.cut.groups, work.cut.length
     paths, root = np.empty((groups, 24, _LANES)), np.empty((groups, 6, _LANES))
     output = np.empty((groups, _LANES * length, 18) if bodies else (groups, 0))
-    _through(work, reach, paths, None)
+    sound = _through(work, reach, paths, None) and work.sound
     steps = np.ascontiguousarray(paths.swapaxes(1, 2).reshape(-1, 24))
     work.bases[...] = _bases(np.reshape(base, 12), steps).reshape(groups, _LANES, 12)
-    _through(work, run, output, root)
+    sound &= _through(work, run, output, root)
     last = np.zeros(6) if tip is None else -(tip.reshape(2, 3) @ work.cut.last).ravel()
     passed = _passed(steps, root.swapaxes(1, 2).reshape(-1, 6), last)
     work.tips[...] = passed[1:].reshape(groups, _LANES, 6)
-    _through(work, run, output, root, again=1)
+    sound &= _through(work, run, output, root, again=1)
     work.cut.spare.append(work.scratch)
     n, rows = len(chain), None
     if bodies:
         rows = output.reshape(1, -1, 18)[:, :n]
     torque = work.columns[3].reshape(-1)
-    return Result(torque[None, :n], rows, passed[0][:, None], work.sound and not work.verdicts.any())
+    return Result(torque[None, :n], rows, passed[0][:, None], sound)
 
 
 def segment(chain: Chain, state: State, *, load: bool, threads: int | None = None) -> Segment | None:
@@ -108,7 +107,7 @@ def segment(chain: Chain, state: State, *, load: bool, threads: int | None = Non
     work = _prepare(chain, state, threads, bodies=False)
     paths = np.empty((work.cut.groups, 24, _LANES))
     loads = np.empty((work.cut.groups, 28, _LANES)) if load else None
-    _through(work, reach, paths, loads)
+    sound = _through(work, reach, paths, loads) and work.sound
     work.cut.spare.append(work.scratch)
     steps = np.ascontiguousarray(paths.swapaxes(1, 2).reshape(-1, 24))
     whole = steps[0]
@@ -123,7 +122,7 @@ def segment(chain: Chain, state: State, *, load: bool, threads: int | None = Non
         below = parts[-1]
         for path, part in zip(steps[-2::-1], parts[-2::-1], strict=True):
             below = part + kernels.move(below, path)
-    return Segment(whole[None], None if below is None else below[None], work.sound and not work.verdicts.any())
+    return Segment(whole[None], None if below is None else below[None], sound)
 
 
 class _Work(NamedTuple):
@@ -137,7 +136,6 @@ class _Work(NamedTuple):
     bases: Array
     tips: Array
     scratch: Array
-    verdicts: NDArray[np.int64]
     sound: bool
 
 
@@ -153,30 +151,29 @@ def _prepare(chain: Chain, state: State, threads: int | None, *, bodies: bool) -
     scratch = cut.spare.pop() if cut.spare else np.empty((groups, cut.scratch))
     bases, tips = np.zeros((groups, _LANES, 12)), np.zeros((groups, _LANES, 6))
     cells = tuple(x.reshape(groups, -1) for x in columns)
-    return _Work(cut, threads, cells, external, bases, tips, scratch, np.zeros((groups, 1), np.int64), sound)
+    return _Work(cut, threads, cells, external, bases, tips, scratch, sound)
 
 
-def _through(work: _Work, kernel: Run, output: Array, root: Array | None, again: int = 0) -> None:
-    """Run a kernel on all groups."""
-    cut, length = work.cut, work.cut.length
-
-    def some(pieces: Iterator[int]) -> None:
-        at = kernels.pointer
-        for k in pieces:
-            # The arrays have to live as long as the kernel runs, so they have names.
-            hot, frames, base, tip = cut.hot[k], cut.frames[k], work.bases[k], work.tips[k]
-            lists, out, below = [cell[k] for cell in work.columns], output[k], None if root is None else root[k]
-            forces = None if work.external is None else work.external[k * _LANES * length :]
-            strided = [number for cell in lists for number in (at(cell), length)]
-            outside = (0, 0, 0) if forces is None else (at(forces), 6, 6 * length)
-            tables = at(hot), at(frames), at(cut.topology), at(base), 12, at(tip), 6
-            numbers = (length, _LANES, length, length, 0, *tables, *outside, *strided, at(out), _LANES)
-            ends = 0 if below is None else at(below), again
-            job: NDArray[np.int64] = np.array(Job._make((*numbers, *ends)), dtype=np.int64)
-            memory, verdict = work.scratch[k], work.verdicts[k]
-            kernel(at(job), 0, 1, at(memory), at(verdict))
-
-    share(some, cut.groups, min(work.threads, cut.groups))
+def _through(work: _Work, kernel: Run, output: Array, root: Array | None, again: int = 0) -> bool:
+    """Run a kernel on all groups; tells whether nothing is doubtful."""
+    cut, length, at = work.cut, work.cut.length, kernels.pointer
+    jobs: list[NDArray[np.int64]] = []
+    alive = []
+    for k in range(cut.groups):
+        # The arrays have to live as long as the kernel runs.
+        tables = [cut.hot[k], cut.frames[k], work.bases[k], work.tips[k], *(column[k] for column in work.columns)]
+        ends = [output[k], *([] if root is None else [root[k]])]
+        forces = [] if work.external is None else [work.external[k * _LANES * length :]]
+        alive += [tables, ends, forces]
+        hot, frames, base, tip, *columns = map(at, tables)
+        numbers = (
+            length, _LANES, length, length, 0, hot, frames, at(cut.topology), base, 12, tip, 6,
+            *((at(forces[0]), 6, 6 * length) if forces else (0, 0, 0)),
+            *(number for column in columns for number in (column, length)),
+            at(ends[0]), _LANES, 0 if root is None else at(ends[1]), again,
+        )  # fmt: skip
+        jobs.append(np.array(Job._make(numbers), dtype=np.int64))
+    return CREW.run_each(kernel, jobs, work.scratch, min(work.threads, cut.groups))
 
 
 def _angles(chain: Chain, q: Array) -> tuple[Array, bool]:

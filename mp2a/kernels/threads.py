@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Iterator
-from functools import cache
-from typing import TYPE_CHECKING, TypeVar
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,48 +13,15 @@ from numpy.typing import NDArray
 from mp2a import kernels
 
 if TYPE_CHECKING:
-    from concurrent.futures import ThreadPoolExecutor
-
     from mp2a.kernels.library import Run
     from mp2a.spatial import Array
-
-Result = TypeVar("Result")
 
 _LOOKS = 20_000
 """How often a helper of a crew looks for another job before it sleeps: for some tenths of a millisecond."""
 
 
-def share(work: Callable[[Iterator[int]], Result], pieces: int, threads: int) -> list[Result]:
-    """Have threads, this one among them, work until no piece is left; for pieces of a millisecond or more.
-
-    Parameters
-    ----------
-    work
-        Gets the numbers of the pieces to do, one by one.
-    pieces, threads
-        How many there are.
-
-    Returns
-    -------
-    list
-        What the work of each thread returned.
-    """
-    if threads == 1:
-        return [work(iter(range(pieces)))]
-    left = iter(range(pieces))
-    others = [_pool(threads - 1).submit(work, left) for _ in range(threads - 1)]
-    return [work(left), *(other.result() for other in others)]
-
-
-@cache
-def _pool(workers: int) -> ThreadPoolExecutor:
-    from concurrent.futures import ThreadPoolExecutor
-
-    return ThreadPoolExecutor(workers, thread_name_prefix="mp2a")
-
-
 class Crew:
-    """Helpers for jobs of less than a millisecond, to which handing over from Python would add half (``crew.c``).
+    """Helpers for jobs that may be short, to which handing over from Python would add half (``crew.c``).
 
     They are started when first needed, look out for jobs for a while after each, and then sleep. The crew serves one
     caller at a time; another one that comes meanwhile works alone.
@@ -82,18 +48,35 @@ class Crew:
             Memory for each thread, a row each.
         """
         at, verdict, rows = kernels.pointer, np.zeros(1, dtype=np.int64), list(scratch)
-        if len(rows) > 1 and self._busy.acquire(blocking=False):
-            try:
-                places: NDArray[np.int64] = np.array([at(row) for row in rows], dtype=np.int64)
-                numbers = kernels.crew().address(kernel), at(job), at(verdict), places.ctypes.data
-                self._fields[3:] = pieces, chunks, len(rows), *numbers
-                self._rouse(len(rows) - 1)
-                kernels.crew().lead(self._fields.ctypes.data)
-            finally:
-                self._busy.release()
-        else:
+        if not self._share(kernel, (pieces, chunks, len(rows)), [job], verdict, rows):
             kernel(at(job), 0, chunks, at(rows[0]), at(verdict))
         return not verdict[0]
+
+    def run_each(self, kernel: Run, jobs: Sequence[NDArray[np.int64]], scratch: Array, threads: int) -> bool:
+        """Run a kernel on the one chunk of each job, with a row of scratch memory each; as `run`."""
+        at, verdict, rows = kernels.pointer, np.zeros(1, dtype=np.int64), list(scratch)
+        if not self._share(kernel, (len(jobs), 0, threads), jobs, verdict, rows):
+            for job, row in zip(jobs, rows, strict=True):
+                kernel(at(job), 0, 1, at(row), at(verdict))
+        return not verdict[0]
+
+    def _share(
+        self, kernel: Run, sizes: tuple[int, int, int], jobs: Sequence[NDArray[np.int64]], verdict: NDArray[np.int64],
+        rows: Sequence[Array],
+    ) -> bool:  # fmt: skip
+        """Do it with helpers; tells whether they were wanted and to be had. ``sizes``: pieces, chunks and threads."""
+        if sizes[-1] == 1 or not self._busy.acquire(blocking=False):
+            return False
+        try:
+            at = kernels.pointer
+            tables: list[NDArray[np.int64]] = [np.array([at(x) for x in each], dtype=np.int64) for each in (jobs, rows)]
+            places = (table.ctypes.data for table in tables)
+            self._fields[3:] = *sizes, kernels.crew().address(kernel), at(verdict), *places
+            self._rouse(sizes[-1] - 1)
+            kernels.crew().lead(self._fields.ctypes.data)
+        finally:
+            self._busy.release()
+        return True
 
     def _rouse(self, wanted: int) -> None:
         """Have so many helpers, and all of them awake."""
@@ -119,7 +102,6 @@ CREW = Crew()
 
 def _start_anew() -> None:
     """Forget the threads of the parent process, of which a forked one has none."""
-    _pool.cache_clear()
     CREW.__init__()  # type: ignore[misc]
 
 
