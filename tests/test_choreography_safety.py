@@ -168,13 +168,25 @@ def test_turns_are_mirrored_with_the_points(points):
     assert not (seen(far).left[0] or seen(far).right[0])
 
 
-def test_a_turn_that_would_touch_waits_and_the_robot_may_drive():
+@pytest.mark.parametrize("model", [HUSKY, TRADR])
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_turn_is_looked_ahead_by_half_a_radian(model, side):
+    """A point on the arc of the front corner, that much further round."""
+    a, b = model.length / 2 + TURN_SIDE, model.width / 2 + TURN_SIDE
+    for further, met in ((TURN_AHEAD - 0.01, True), (TURN_AHEAD + 0.12, False)):
+        at = 0.93 * np.hypot(a, b) * np.exp(1j * side * (np.arctan2(b, a) + further))
+        result = seen([[at.real, at.imag]], model=model)
+        assert (result.left if side > 0 else result.right)[0] == met
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_turn_that_would_touch_waits_and_the_robot_may_drive(side):
     show = Choreography(parse("robots R1\nrow R1 0 0\nmove 2 0\nmove 2 90"), HUSKY)
     show.step(0.0, show.places(), np.zeros((1, 2)), [CLEAR])
-    off = [[-0.5, -0.4, -0.3]]  # its lane is to the left of it
+    off = np.array([[-0.5, -0.4, -0.3]]) * [1, side, side]  # its lane is beside it
     free = show.step(0.1, off, np.zeros((1, 2)), [CLEAR])
-    assert free[0, 1] > 0
-    beside = np.array([[0.45, 0.42]])
+    assert side * free[0, 1] > 0
+    beside = np.array([[0.45, side * 0.42]])
     held = show.step(0.2, off, np.zeros((1, 2)), [beside])
     assert held[0, 1] == 0
     assert held[0, 0] > 0
@@ -208,6 +220,12 @@ def test_robots_are_expected_at_their_distance_whatever_it_was_before():
         told = Leaders(np.array([[10.0, 0.0, 0.0]]), np.ones((1, 2)), np.zeros(1, dtype=np.intp), place)
         queues, there = fellows.expected(queues, told)
         assert there[0, 0] == pytest.approx(10 - distance, abs=0.1)
+        # Points that the robot has passed are kept for it, whatever the queue's memory was.
+        passed = follower.empty(1, capacity=8)
+        for k in range(101):
+            passed = follower.push(passed, np.array([[k / 10, 0.0]]))
+            passed = passed._replace(head=np.array([passed.tail]))
+        assert fellows.expected(passed, told)[1][0, 0] == there[0, 0]
     _, there = fellows.expected(queues, told._replace(place=np.array([[-12.0, 0.5]])))
     assert there[0].tolist() == [-2.0, 0.5]  # no point is as far: its place behind the leader
 
