@@ -93,8 +93,13 @@ class RecordedRobot:
         self.unplaced = ""
         self.difference = Difference(0, np.zeros(2), np.zeros(2))
         self._time = 0.0
-        self.epoch = self._latest = self._moment = self._find_start(begin)
-        self._sensed = self._make()
+        self._latest = self._moment = 0
+        try:
+            self.epoch = self._find_start(begin)
+            self._sensed = self._make()
+        except InputError:
+            self._bag.close()
+            raise
 
     def advance(self, t: float) -> None:
         """Go on to ``t`` s."""
@@ -155,6 +160,8 @@ class RecordedRobot:
         while self._pull_up_to(due + self._half):
             pass
         odometry = [message.stamp for message in self._ahead if message.field == self._motion]
+        if self._motion in self._last:  # at the start it has been taken already
+            odometry.append(self._last[self._motion][0])
         near = [stamp for stamp in odometry if abs(stamp - due) < self._half]
         return min(near, key=lambda stamp: abs(stamp - due), default=due)
 
