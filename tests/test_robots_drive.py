@@ -261,20 +261,6 @@ def test_unequal_rates_need_real_time():
         fleet.build(TWO, found, TWO.robots, None)
 
 
-def test_under_mpirun_every_rank_drives_its_robot_in_one_simulation(tmp_path):
-    """To the digit what one process does."""
-    path = str(SCENARIOS / "listing_7_1.txt")
-    assert main(["drive", path, "--adapter", "simulator", "--quiet", "--record", str(tmp_path / "one")]) == 0
-    program = [sys.executable, "-m", "mp2a", "drive", path, "--adapter", "simulator", "--quiet", "--record"]
-    done = launch.run(
-        2, [*program, str(tmp_path / "two")], timeout=120, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
-    assert done.returncode == 0, done.stdout
-    for role in ("R1", "R2"):
-        one, two = ((tmp_path / name / f"{role}.csv").read_text() for name in ("one", "two"))
-        assert one == two
-
-
 def test_a_wrong_number_of_ranks_ends_all():
     program = [sys.executable, "-m", "mp2a", "drive", str(SCENARIOS / "listing_7_1.txt")]
     done = launch.run(3, program, timeout=120, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)

@@ -27,7 +27,8 @@ class RobotFiles:
     """Table and bag of one robot, begun at its first step."""
 
     def __init__(self, orders: Orders, role: str) -> None:
-        self._table = csv_path(orders.folder, role).open("x", newline="")
+        # A row at a time: should this be killed too, the table is there.
+        self._table = csv_path(orders.folder, role).open("x", buffering=1, newline="")
         self._rows = csv.writer(self._table)
         self._rows.writerow(COLUMNS)
         self._bag: BagWriter | None = None
