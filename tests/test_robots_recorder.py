@@ -180,7 +180,7 @@ def test_where_time_is_real_records_have_the_real_time(tmp_path, monkeypatch, ca
     monkeypatch.setitem(sys.modules, adapter.__name__, adapter)
     monkeypatch.setattr(fleet, "Start", functools.partial(Start, lead=0.5))
     scenario = tmp_path / "one.txt"
-    scenario.write_text("robots R1\nrow R1 0 0\nmove 0.3 0")
+    scenario.write_text("robots R1\nrow R1 0 0\nmove 1 0")
     before = time.time_ns()
     assert main(["drive", str(scenario), "--adapter", "ros1", "--record", str(tmp_path / "r"), "--bag", "ros1"]) == 0
     with AnyReader([tmp_path / "r" / "R1.bag"]) as reader:
