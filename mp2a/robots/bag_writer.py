@@ -81,7 +81,7 @@ class BagWriter:
 
         A pose or speed that was lost is not a number in the odometry; ``/tf`` then is silent.
         """
-        pose, twist, points, _ = step.sensed
+        pose, twist, points = step.sensed.pose, step.sensed.twist, step.sensed.points
         interface = self._interface
         if np.isfinite(pose).all():
             moved = self._transform(stamp, pose)
