@@ -154,6 +154,17 @@ def test_two_lost_poses_in_a_row_are_not():
     assert robot.sent[39] == (0, 0)
 
 
+def test_a_pose_that_is_lost_at_the_start_does_not_lose_the_place():
+    """The frames are tied at the first pose that is known, wherever the robot's own frame lies."""
+    robot = Failing([3.0, -2.0, 1.0], lambda tick: "pose" if tick < 3 else None, False)
+    planner = ChoreographyPlanner(Choreography(AHEAD, HUSKY), "R1", False)
+    good, steps = steps_of([Driver("R1", robot, INTERFACES["husky"], planner, True)], VirtualPace(0.05, [robot]), 30)
+    assert good
+    assert np.isnan(steps["R1"][1].pose).all()
+    np.testing.assert_allclose(steps["R1"][2].pose, [-0.5, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(steps["R1"][-1].pose[1:], 0, atol=1e-3)
+
+
 def test_lidar_that_is_silent_for_longer_than_300_ms_is_an_error_for_good():
     good, robot, steps = fail(lambda tick: "points" if 40 <= tick < 60 else None)
     assert not good

@@ -6,7 +6,7 @@ import numpy as np
 
 from mp2a.formation.choreography.places import compose
 from mp2a.robots import limits, slip, sound
-from mp2a.robots.interface import Pace, Robot, Sensed
+from mp2a.robots.interface import NO_POSE, Pace, Robot, Sensed
 from mp2a.robots.planner import Decision, Planner, origin_of
 from mp2a.robots.steps import Step
 from mp2a.robots.table import RobotInterface
@@ -29,8 +29,8 @@ class Driver:
     planner
         Decides.
     in_place
-        Whether the robot stands at its place when this is built, and its fixed frame may lie anywhere; else its fixed
-        frame is the planner's ground frame.
+        Whether the robot stands at its place at the first tick at which its pose is known, and its fixed frame may lie
+        anywhere; else its fixed frame is the planner's ground frame.
     """
 
     def __init__(
@@ -41,16 +41,11 @@ class Driver:
         model = interface.model
         self._fastest = np.array([model.max_speed, model.max_turn_rate])
         self._most = np.array([model.max_acceleration, model.max_turn_acceleration])
-        self._in_place = in_place
-        self._origin: Array = np.zeros(3)
+        self._place = planner.place()
+        self._origin: Array | None = None if in_place else np.zeros(3)
         self._sent: Array = _ZERO
         self._slip = slip.NO_SLIP_SEEN
         self._sound = sound.CLEAR
-
-    def begin(self) -> None:
-        """Take the present pose for the place at the start, if that is how the frames are tied."""
-        if self._in_place:
-            self._origin = origin_of(self._planner.place(), self.robot.sense().pose)
 
     def tick(self, t: float) -> Step:
         """Sense, decide and send, at ``t`` s after the start."""
@@ -58,7 +53,9 @@ class Driver:
         if known.points is not None:
             # As a PointCloud2 holds them: a record then has to the bit what the planner saw.
             known = known._replace(points=known.points.astype(np.float32))
-        sensed = known._replace(pose=compose(self._origin, known.pose))
+        if self._origin is None and np.isfinite(known.pose).all():
+            self._origin = origin_of(self._place, known.pose)
+        sensed = known._replace(pose=NO_POSE if self._origin is None else compose(self._origin, known.pose))
         decision = self._planner.decide(t, sensed._replace(twist=np.nan_to_num(sensed.twist)))
         command = self._shape(sensed, decision)
         self.robot.send(command)
@@ -118,8 +115,6 @@ def run(
     -----
     Robots are closed, and so stopped, however this ends.
     """
-    for driver in drivers:
-        driver.begin()
     over = good = False
     try:
         while pace.now() < 0:
