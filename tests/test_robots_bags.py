@@ -1,7 +1,9 @@
 """Bags of drives: what is written is read back, by libraries that did not write it too; bad files are named."""
 
+import contextlib
 import dataclasses
 import shutil
+import sqlite3
 import subprocess
 from pathlib import Path
 
@@ -17,7 +19,7 @@ from rosbags.highlevel import AnyReader
 from mp2a.exceptions import InputError
 from mp2a.formation.robot_models import HUSKY
 from mp2a.robots.bag_reader import BagReader
-from mp2a.robots.bag_topics import topics
+from mp2a.robots.bag_topics import EVENTS_TOPIC, topics
 from mp2a.robots.bag_writer import BAGS, BagWriter, bag_path
 from mp2a.robots.cloud import points as cloud_points
 from mp2a.robots.interface import NO_POSE, Sensed
@@ -117,7 +119,7 @@ def test_what_is_written_is_read_back(bag, interface, steps, tmp_path_factory):
     for stamp, step in zip(stamps, steps, strict=True):
         texts += [(stamp, f"R1 {text}") for text in events(flags, step.flags)]
         flags = step.flags
-    assert [(stamp, message.data) for stamp, message in found.get("/events", [])] == texts
+    assert [(stamp, message.data) for stamp, message in found.get(EVENTS_TOPIC, [])] == texts
     if interface.pose == "stamped":
         for (_, message), step in zip(found[interface.pose_topic], steps, strict=True):
             same((message.pose.position.x, message.pose.position.y), step.sensed.pose[:2])
@@ -248,6 +250,21 @@ def test_a_beginning_after_the_end_is_named(tmp_path):
 def test_a_bag_without_messages_is_named(tmp_path):
     write(tmp_path / "R1", "mcap", INTERFACES["husky"], [])
     with pytest.raises(InputError, match="R1 has no message for R1"):
+        robot(tmp_path)
+
+
+def test_bags_of_ros_2_humble_do_not_define_their_messages(tmp_path):
+    path = good_bag(tmp_path, "ros2")
+    with contextlib.closing(sqlite3.connect(path / "R1.db3")) as base:
+        base.execute("DELETE FROM message_definitions")
+        base.commit()
+    assert robot(tmp_path).sense().pose[0] == 0
+
+
+def test_a_cloud_without_coordinates_is_named(tmp_path):
+    path = good_bag(tmp_path, "ros1")
+    path.write_bytes(path.read_bytes().replace(b"\x01\x00\x00\x00y", b"\x01\x00\x00\x00q"))
+    with pytest.raises(InputError, match=r"R1\.bag: points at 1000000000 ns: cloud: got fields x, q, z"):
         robot(tmp_path)
 
 

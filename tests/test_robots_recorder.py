@@ -14,13 +14,15 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from mp2a import launch
-from mp2a.cli import main
+from mp2a.cli import drive, main
 from mp2a.exceptions import InputError, MissingError
 from mp2a.robots import fleet
 from mp2a.robots.adapters import ADAPTERS, REAL, Made
+from mp2a.robots.bag_topics import EVENTS_TOPIC
+from mp2a.robots.bag_writer import BAGS
 from mp2a.robots.dry import DryRobot
 from mp2a.robots.interface import Sensed
-from mp2a.robots.recorder import Orders, Recorder
+from mp2a.robots.recorder import NO_BAG, Orders, Recorder
 from mp2a.robots.start import Start
 from mp2a.robots.steps import Step
 from mp2a.robots.table import INTERFACES
@@ -86,7 +88,7 @@ def test_a_planner_that_is_killed_leaves_whole_files(how, tmp_path):
         bag = tmp_path / "out" / role
         wait_for((bag / "metadata.yaml").exists)
         found = count(bag)
-        assert (found["/events"], found["/nav/cmd_vel"], found["/points_filtered"]) == (1, 50, 50)
+        assert (found[EVENTS_TOPIC], found["/nav/cmd_vel"], found["/points_filtered"]) == (1, 50, 50)
         assert len((tmp_path / "out" / f"{role}.csv").read_text().splitlines()) == 51
 
 
@@ -188,7 +190,7 @@ def test_where_time_is_real_records_have_the_real_time(tmp_path, monkeypatch, ca
     stamps = [stamp for topic, stamp, _ in found if topic == "/nav/cmd_vel"]
     assert before < stamps[0] < stamps[-1] < time.time_ns()
     assert len(stamps) > 10
-    texts = [message.data for topic, _, message in found if topic == "/events"]
+    texts = [message.data for topic, _, message in found if topic == EVENTS_TOPIC]
     assert texts == ["R1 starts, adapter ros1, not armed: commands are not sent", "R1 is at its end"]
     assert main(["drive", str(scenario), "--recording", str(tmp_path / "r"), "--quiet"]) == 0
     assert "largest difference" in capsys.readouterr().out
@@ -228,6 +230,10 @@ def test_the_table_of_adapters_names_modules_that_are_there():
     assert {f"{folder / name}.py" for name in ADAPTERS} == {str(path) for path in folder.glob("[!_]*.py")}
     assert {adapter.module.rpartition(".")[2] for adapter in ADAPTERS.values()} == set(ADAPTERS)
     assert REAL == ("ros1", "ros2")
+
+
+def test_the_command_knows_every_bag():
+    assert (*BAGS, NO_BAG) == drive._BAGS
 
 
 # ---- under mpirun ----------------------------------------------------------------------------------------------

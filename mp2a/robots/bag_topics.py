@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 from mp2a.robots.table import RobotInterface
 
-EVENTS_TOPIC = "/events"
-"""Texts about what a robot comes into and leaves, as in recordings of the simulator."""
+EVENTS_TOPIC = "/mp2a/events"
+"""Texts about what a robot comes into and leaves."""
 _TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _COMMANDS = {"Twist": "geometry_msgs/msg/Twist", "TwistStamped": "geometry_msgs/msg/TwistStamped"}
 

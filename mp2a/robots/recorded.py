@@ -230,8 +230,11 @@ class RecordedRobot:
         message, self._cloud = self._cloud, None
         if message is None:
             return None
-        cloud = self._bag.decode(message)
-        found, body = cloud_points(cloud), self.interface.body_frame
+        cloud, body = self._bag.decode(message), self.interface.body_frame
+        try:
+            found = cloud_points(cloud)
+        except InputError as error:
+            raise InputError(f"recording: {self.path}: points at {message.stamp} ns: {error}") from None
         mounted = self._transforms.look_up(body, cloud.header.frame_id, self._moment - round(_TF_KEPT * _SECOND))
         if mounted is None:
             self.unplaced = cloud.header.frame_id
