@@ -1,27 +1,25 @@
-"""Listing 6.3 of the thesis with four ideal TRADRs: who drives how fast, worked out by the scan along the chain."""
+"""Listing 6.3 of the thesis with four ideal TRADRs, who are told by the scan along the chain how their leaders move."""
 
 from pathlib import Path
 
 import numpy as np
 
-import mp2a
+from mp2a.formation import OneProcess
 from mp2a.formation.choreography.ideal import run
-from mp2a.formation.choreography.motion import joint_state, place_motion, planar_chain
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.choreography.scenario import as_text
+from mp2a.formation.choreography.telling import planar_chain
 from mp2a.formation.robot_models import TRADR
 
 scenario = parse((Path(__file__).parent / "scenarios" / "listing_6_3.txt").read_text())
-dance = Choreography(scenario, TRADR)
+# The first robot alone works the virtual leaders out; the scan along the chain of robots tells the others.
+dance = Choreography(scenario, TRADR, exchange=OneProcess(planar_chain(len(scenario.robots)), "kogge-stone"))
 done = run(dance)
+# What a rigid tie to the leader asks of a robot: the outer one in an arc has to be faster.
+places = done.leader_twists[..., 0] - done.leader_twists[..., 1] * done.places[..., 1]
 
-# Every joint is a robot's place in the robot before; all samples of the run go through the chain together.
-q, v, a = joint_state(place_motion(done.leader_poses, done.leader_twists, done.places))
-motion = mp2a.rnea(planar_chain(len(dance.robots)), q, v, a, method="sweep", bodies=True)
-places = motion.velocity[..., 3]
-
-print("ideal robots; mean forward speed in m/s during each instruction: of the robot's place (scan) / of the robot")
+print("ideal robots; mean forward speed in m/s during each instruction: of the robot's place / of the robot")
 print(f"{'began':>6} {'ended':>6}  {'instruction':<30}" + "".join(f"{robot:>14}" for robot in dance.robots))
 for number, instruction in enumerate(scenario.instructions):
     mine = [event for event in dance.events if event.number == number]

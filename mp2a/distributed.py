@@ -191,10 +191,7 @@ class DistributedChain:
         else:
             result = block.solve(method, self._block, state, self._gravity, self.schedule, carrier)
         self.transport.flush()
-        # Along a chain a wrong input has reached every rank by now; between the branches of a tree it has not.
-        if not (self.transport.sound if self._serial else agree(self._comm, self.transport.sound)):
-            raise_together(self._comm, error)
-            raise InputError(self._sample_counts(state.samples))
+        self._all_sound(self.transport, error, state.samples, far=self._serial)
         at = (slice(None) if self._blocks else 0, 0 if state.single else slice(None))
         velocity, acceleration, force = (x[at] for x in (result.velocity, result.acceleration, result.force))
         if self._blocks and not state.single:  # samples first
@@ -208,29 +205,31 @@ class DistributedChain:
         Parameters
         ----------
         q
-            This robot's coordinates, ``(nq,)``.
+            This robot's coordinates, ``(nq,)`` or ``(T, nq)``; T is the same on every rank.
 
         Returns
         -------
         tuple of numpy.ndarray
-            Rotation from this body's to the base frame ``(3, 3)`` and position of its origin ``(3,)`` m.
+            Rotation from this body's to the base frame ``(3, 3)`` and position of its origin ``(3,)`` m, with T in
+            front if ``q`` has it.
 
         Raises
         ------
         InputError
-            On every rank, if ``q`` of any rank is wrong.
+            On every rank, if ``q`` of any rank is wrong or the numbers of samples differ.
         """
         error: InputError | None = None
         state = _at_rest(self.part)
         try:
-            state = check_state(self.part, q, state.v[0], state.a[0], None)
+            still = np.zeros((*np.shape(q)[:-1], self.part.nv))
+            state = check_state(self.part, q, still, still, None)
         except InputError as found:
             error = found
-        raise_together(self._comm, error)
-        carrier = self._one_way(schedules.motion, 1)
+        carrier = self._one_way(schedules.motion, state.samples, sound=error is None)
         path = outwards(leaf(joint_motion(self.part, state)), carrier.schedule, carrier.transport)
         carrier.transport.flush()
-        place = view(path[0, 0])
+        self._all_sound(carrier.transport, error, state.samples, far=False)
+        place = view(path[0, 0] if state.single else path[0])
         return place.rotation, place.translation
 
     def hand_on(self, values: ArrayLike) -> Array | None:
@@ -254,21 +253,31 @@ class DistributedChain:
         values = array("values", values, (None,))
         if not len(values):
             raise InputError("values: got none, expected at least one number")
-        carrier = self._one_way(schedules.neighbours, len(values))  # the tag by which another length is noticed
+        # The number of samples is the tag by which another length is noticed.
+        carrier = self._one_way(schedules.neighbours, len(values), sound=True)
         arrivals = carrier.transport.exchange(carrier.schedule.rounds[0], {schedules.MOTION: values[None]})
         carrier.transport.flush()
         if not carrier.transport.sound:
             raise InputError(f"values: got {len(values)} and another number from the parent, expected as many")
         return arrivals[0].data[0].copy() if arrivals else None
 
-    def _one_way(self, plan: Callable[[NDArray[np.intp]], Schedule], samples: int) -> "_Carrier":
+    def _one_way(self, plan: Callable[[NDArray[np.intp]], Schedule], samples: int, sound: bool) -> "_Carrier":
         """Transport for a schedule that runs outwards only, made when it is first wanted."""
         if plan.__name__ not in self._carriers:
             schedule = plan(self._parents)
             self._carriers[plan.__name__] = _Carrier(schedule, MPITransport(self.transport.link, schedule))
         carrier = self._carriers[plan.__name__]
-        carrier.transport.begin(samples, sound=True)
+        carrier.transport.begin(samples, sound=sound)
         return carrier
+
+    def _all_sound(self, transport: MPITransport, error: InputError | None, samples: int, far: bool) -> None:
+        """Raise the same error on every rank if an input was wrong on one; ``far``: what is wrong has reached all.
+
+        Outwards and back along a chain it has; between the branches of a tree, or on the way out alone, it has not.
+        """
+        if not (transport.sound if far else agree(self._comm, transport.sound)):
+            raise_together(self._comm, error)
+            raise InputError(self._sample_counts(samples))
 
     def close(self) -> None:
         """Free the duplicate communicator; collective. Closing twice does nothing."""

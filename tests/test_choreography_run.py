@@ -12,9 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import mp2a
 from mp2a.exceptions import InputError
-from mp2a.formation.choreography import follower, leader, motion
+from mp2a.formation.choreography import follower, leader
 from mp2a.formation.choreography.constants import TARGET_AHEAD, TARGET_TOLERANCE, TICK, WAYPOINT_TOLERANCE
 from mp2a.formation.choreography.ideal import drive, run
 from mp2a.formation.choreography.places import arc, compose, seen_from, wrap
@@ -42,7 +41,7 @@ def leaders_of(text, seconds, max_speed=1.0):
     out = []
     for tick in range(round(seconds / TICK)):
         state = leader.advance(program, state, tick * TICK, max_speed)
-        out.append(state)
+        out.append(state.leaders)
     return program, out
 
 
@@ -191,7 +190,7 @@ def test_queues_do_what_deques_do(seed, n):
         pose = compose(pose, arc(np.column_stack((rng.uniform(0.1, 0.7, n), rng.normal(0, 1, n))), TICK))
         robots = compose(robots, arc(np.column_stack((rng.uniform(0, 1, n), rng.normal(0, 1, n))), TICK))
         zero = np.zeros(n)
-        state = leader.Leaders(pose, np.ones((n, 2)), pose, zero.astype(int), zero, zero, place)
+        state = leader.Leaders(pose, np.ones((n, 2)), zero.astype(int), place)
         queues = follower.push(queues, follower.lanes(state))
         queues, target, excess = follower.targets(queues, state, robots)
         for i, queue in enumerate(deques):
@@ -367,71 +366,7 @@ def test_running_a_scenario_needs_no_parser():
     assert done.stdout == "0.7\n"
 
 
-# ---- through the chain -----------------------------------------------------------------------------------------
-
-
-@given(st.integers(0, 2**32 - 1), st.integers(1, 6), st.sampled_from(["serial", "sweep", "kogge-stone", "compact"]))
-@settings(max_examples=25, deadline=None)
-def test_scan_gives_the_derivatives_of_the_poses(seed, n, method):
-    """Any smooth motion of n leaders, differentiated by hand, comes out of the scan over relative joints."""
-    rng = np.random.default_rng(seed)
-    size, rate, phase = rng.normal(size=(3, n, 3))
-
-    def pose(t):
-        return size * np.sin(rate * t + phase)
-
-    def in_body(world, heading):
-        turned = seen_from(np.concatenate((np.zeros((n, 2)), heading[:, None]), axis=1), world[:, :2])
-        return np.column_stack((turned, world[:, 2]))
-
-    t, h = 0.7, 1e-4
-
-    def velocity(t):
-        return in_body(size * rate * np.cos(rate * t + phase), pose(t)[:, 2])
-
-    acceleration = (velocity(t + h) - velocity(t - h)) / (2 * h)
-    state = motion.Motion(pose(t), velocity(t), acceleration)
-    result = mp2a.rnea(
-        motion.planar_chain(n), *motion.joint_state(state), gravity=(0, 0, 0), method=method, bodies=True
-    )
-    v = result.velocity
-    np.testing.assert_allclose(v[:, [3, 4, 2]], velocity(t), atol=1e-9)
-    np.testing.assert_allclose(v[:, [0, 1, 5]], 0, atol=1e-9)
-    in_space = acceleration[:, :2] + velocity(t)[:, 2:] * np.column_stack((-v[:, 4], v[:, 3]))
-    np.testing.assert_allclose(result.acceleration[:, [3, 4]], in_space, atol=1e-6)
-    np.testing.assert_allclose(result.acceleration[:, 2], acceleration[:, 2], atol=1e-6)
-
-
-def test_leaders_motion_reaches_every_robot_of_a_run_through_the_scan():
-    done = run(dance(LISTINGS["listing_6_3"]))
-    places = motion.place_motion(done.leader_poses, done.leader_twists, done.places)
-    q, v, a = motion.joint_state(places)
-    result = mp2a.rnea(motion.planar_chain(4), q, v, a, method="sweep", bodies=True)
-    h = 1e-5
-    step = np.concatenate((done.places, np.zeros_like(done.places[..., :1])), axis=-1)
-    later, sooner = (compose(compose(done.leader_poses, arc(done.leader_twists, x)), step) for x in (h, -h))
-    world = (later - sooner) / (2 * h)
-    headings = np.concatenate((np.zeros_like(world[..., :2]), places.pose[..., 2:]), axis=-1)
-    np.testing.assert_allclose(result.velocity[..., 3:5], seen_from(headings, world[..., :2]), atol=1e-8)
-    np.testing.assert_allclose(result.velocity[..., 2], world[..., 2], atol=1e-8)
-    # While all have one leader they are a rigid body: only the first joint moves.
-    whole = (done.leader_poses == done.leader_poses[:, :1]).all(axis=(1, 2))
-    assert 0 < whole.sum() < len(whole)
-    assert np.abs(v[whole, 3:]).max() < 1e-12
-    assert np.abs(a[whole, 3:]).max() < 1e-12
-    assert np.abs(v[~whole, 3:]).max() > 0.1
-
-
-def test_a_robot_can_ask_for_its_joint_at_any_time():
-    show = dance(LISTINGS["listing_6_3"])
-    for t in (0.0, 4.0, 13.0):
-        show.step(t, show.places(), np.zeros((4, 2)), None)
-        velocity = mp2a.rnea(motion.planar_chain(4), *show.joints(), method="compact", bodies=True).velocity
-        turn = show.state.leaders.twist[:, 1]
-        place = show.state.leaders.place
-        np.testing.assert_allclose(velocity[:, 2], turn, atol=1e-12)
-        np.testing.assert_allclose(velocity[:, 3], show.state.leaders.twist[:, 0] - turn * place[:, 1], atol=1e-12)
-        np.testing.assert_allclose(velocity[:, 4], turn * place[:, 0], atol=1e-12)
+# ---- ideal robots ----------------------------------------------------------------------------------------------
 
 
 @given(st.tuples(st.floats(-1, 1), st.floats(-2, 2)), st.tuples(COORDINATE, COORDINATE), st.floats(0.01, 1))

@@ -4,12 +4,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from shapely import affinity
 
 from mp2a.exceptions import InputError
-from mp2a.formation.choreography import follower
-from mp2a.formation.choreography.constants import CELL, CELL_FORCE, STOP_DISTANCE, STOP_SIDE
+from mp2a.formation.choreography import fellows, follower
+from mp2a.formation.choreography.constants import (
+    CELL,
+    CELL_FORCE,
+    STOP_DISTANCE,
+    STOP_SIDE,
+    TARGET_TOLERANCE,
+    TICK,
+    TURN_AHEAD,
+    TURN_SIDE,
+)
 from mp2a.formation.choreography.ideal import drive
 from mp2a.formation.choreography.obstacles import flatten, from_cloud, look
 from mp2a.formation.choreography.reading import parse
@@ -116,6 +127,106 @@ def test_stop_signals_are_55_cm_from_the_body(model, side):
                        (0.6, beside + 0.01, False), (0.6, -beside + 0.01, True)]:  # fmt: skip
         result = seen([[side * x, y]], model=model)
         assert (result.front[0], result.rear[0]) == ((stop, False) if side > 0 else (False, stop))
+
+
+def turned_onto(point, model, side):
+    """Whether the body, widened, meets a point in some part of the turn; by geometry of a library."""
+    a, b = model.length / 2 + TURN_SIDE, model.width / 2 + TURN_SIDE
+    body = shapely.box(-a, -b, a, b)
+    angles = np.linspace(0, TURN_AHEAD, 200)
+    return any(affinity.rotate(body, side * x, (0, 0), use_radians=True).contains(shapely.Point(point)) for x in angles)
+
+
+@given(st.floats(-1, 1), st.floats(-1, 1), st.sampled_from([HUSKY, TRADR]))
+def test_no_turn_brings_the_body_against_a_point(x, y, model):
+    result = seen([[x, y]], model=model)
+    if abs(x) < model.length / 2 + TURN_SIDE and abs(y) < model.width / 2 + TURN_SIDE:
+        return  # close already: the next test
+    for side, blocked in ((1, result.left[0]), (-1, result.right[0])):
+        swept = turned_onto((x, y), model, side)
+        # Where the angles that are looked at and those of the reference part is the edge of what is swept.
+        edges = [turned_onto((x * k, y * k), model, side) for k in (0.96, 1.04)]
+        assert blocked == swept or edges != [swept, swept]
+
+
+@given(st.floats(-0.99, 0.99), st.sampled_from([1, -1]), st.sampled_from([HUSKY, TRADR]))
+def test_a_robot_close_to_a_wall_may_turn_away_from_it(along, side, model):
+    """A point beside the body keeps it from the turn that brings the body nearer, and from no other."""
+    if abs(along) < 0.01:
+        return
+    result = seen([[along * model.length / 2, side * (model.width / 2 + 0.03)]], model=model)
+    towards = side * along > 0
+    assert (result.left[0], result.right[0]) == (towards, not towards)
+
+
+@given(CLOUDS)
+def test_turns_are_mirrored_with_the_points(points):
+    one, other = seen(points), seen(points * [1, -1])
+    assert (one.left[0], one.right[0]) == (other.right[0], other.left[0])
+    far = points[np.hypot(*points.T) > np.hypot(HUSKY.length, HUSKY.width) / 2 + 2 * TURN_SIDE]
+    assert not (seen(far).left[0] or seen(far).right[0])
+
+
+def test_a_turn_that_would_touch_waits_and_the_robot_may_drive():
+    show = Choreography(parse("robots R1\nrow R1 0 0\nmove 2 0\nmove 2 90"), HUSKY)
+    show.step(0.0, show.places(), np.zeros((1, 2)), [CLEAR])
+    off = [[-0.5, -0.4, -0.3]]  # its lane is to the left of it
+    free = show.step(0.1, off, np.zeros((1, 2)), [CLEAR])
+    assert free[0, 1] > 0
+    beside = np.array([[0.45, 0.42]])
+    held = show.step(0.2, off, np.zeros((1, 2)), [beside])
+    assert held[0, 1] == 0
+    assert held[0, 0] > 0
+
+
+# ---- fellow robots ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["listing_6_3", "listing_7_1", "listing_7_2"])
+def test_robots_are_where_they_are_expected(name):
+    """Ideal robots that drive in formation; while they change places they may be anywhere between."""
+    text = (Path(__file__).parents[1] / "examples" / "scenarios" / f"{name}.txt").read_text()
+    show = Choreography(parse(text), TRADR)
+    poses, twists, off = show.places(), np.zeros((len(show.robots), 2)), []
+    for tick in range(700):
+        commands = show.step(tick * TICK, poses, twists, None)
+        fine = np.abs(show.state.excess) < 0.3
+        away = np.hypot(*(show.state.expected[-1] - poses[:, :2]).T)
+        off += away[fine].tolist()
+        poses, twists = drive(show.fleet, poses, twists, commands)
+    assert np.quantile(off, 0.95) < TARGET_TOLERANCE
+
+
+def test_a_fellow_in_its_place_pushes_nobody_and_stops_all():
+    text = "robots R1 R2\ncolumn R1;R2 1.2 0\nmove 20 0"
+    rear = np.column_stack((np.full(21, 1.2 - HUSKY.length / 2), np.linspace(0.0, 0.3, 21)))  # of R1, seen by R2
+    show = Choreography(parse(text), HUSKY)
+    for tick in range(10):
+        show.step(tick * TICK, show.places(), np.zeros((2, 2)), [CLEAR, rear])
+    assert (show.state.seen.force == 0).all()
+    assert show.state.seen.front.tolist() == [False, True]
+    # The same points without a fellow there push.
+    alone = Choreography(parse("robots R2\nrow R2 0 0\nmove 20 0"), HUSKY)
+    alone.step(0.0, alone.places(), np.zeros((1, 2)), [rear])
+    assert np.hypot(*alone.state.seen.force[0]) > 0.1
+    # And so they do for a robot that is off its place, and something else near by always does.
+    off = show.places()
+    off[1, 1] += 2 * TARGET_TOLERANCE
+    show.step(1.0, off, np.zeros((2, 2)), [CLEAR, rear])
+    assert np.hypot(*show.state.seen.force[1]) > 0.1
+    other = np.array([[1.2, 1.2]])
+    show.step(1.0, show.places(), np.zeros((2, 2)), [CLEAR, other])
+    assert np.hypot(*show.state.seen.force[1]) > 0
+
+
+def test_points_of_a_moment_ago_are_still_the_fellow():
+    """LIDAR data are 0.3 s old: a fellow that drives at 0.7 m/s has left where it was seen."""
+    memory = np.array([[[0.0, 0.0], [x, 0.0]] for x in (2.0, 2.07, 2.14, 2.21, 2.28)])
+    poses, sizes = np.array([[0.0, 0.0, 0.0], [np.nan] * 3]), np.array([0.6, 0.6])
+    points = np.array([[2.0 - 0.85, 0.0], [2.28 + 0.85, 0.0], [2.0 - 0.95, 0.0], [2.1, 0.95]])
+    whose = np.zeros(4, dtype=np.intp)
+    assert fellows.strange(points, whose, poses, memory, sizes).tolist() == [False, False, True, True]
+    assert fellows.strange(points, whose + 1, poses, memory, sizes).all()  # lost: it does not know where it is
 
 
 # ---- in the controller -----------------------------------------------------------------------------------------

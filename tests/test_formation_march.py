@@ -23,6 +23,7 @@ from mp2a.formation import (
     spline,
     waypoints,
 )
+from mp2a.formation.exchange import scan
 from mp2a.formation.plane import Motion, at_rest, beyond, coordinates, wrap
 from mp2a.formation.springs import energy, joint, none
 from mp2a.methods import METHODS
@@ -122,13 +123,13 @@ def test_force_and_motion_are_those_of_the_recurrences(shape):
     formation = Formation.of(shape, 6, mass=40.0 + np.arange(6))
     march = March(formation, BEND, OneProcess(formation.chain, "compact"))
     seen = []
-    scan = march.exchange.scan
+    run_scan = march.exchange.run
 
     def listen(joints, external, wrong):
-        seen.append((joints, external))
-        return scan(joints, external, wrong)
+        seen.append((Motion(*(x[0] for x in joints)), external[0]))
+        return run_scan(joints, external, wrong)
 
-    march.exchange.scan = listen
+    march.exchange.run = listen
     _, _, reports = run(march, 120, Discs([[4, 0.2, 0.4]]))
     tick = int(np.argmax([np.abs(external).max() for _, external in seen]))
     joints, external = seen[tick]
@@ -160,19 +161,19 @@ def test_the_load_of_a_joint_is_the_work_that_its_displacement_makes_the_obstacl
     exchange = OneProcess(formation.chain)
     forces, displaced = rng.normal(size=6) + 1j * rng.normal(size=6), rng.normal(scale=0.3, size=(6, 3))
 
-    def scan(displacement):
+    def displaced_scan(displacement):
         bend = Motion(*joint(none(6)._replace(value=displacement)))
         joints = beyond(at_rest(formation.layout.places), bend)
         pose = placements(formation.chain, coordinates(joints).ravel())
         heading = np.arctan2(pose[0][:, 1, 0], pose[0][:, 0, 0])
         own = forces * np.exp(-1j * heading)
         external = np.stack((own.real, own.imag, np.zeros(6)), axis=-1)
-        return exchange.scan(joints, external, None)
+        return scan(exchange, joints, external, None)
 
     def work(displacement):
-        return (np.conj(forces) * places(scan(displacement).motion.pose)).real.sum()
+        return (np.conj(forces) * places(displaced_scan(displacement).motion.pose)).real.sum()
 
-    load = scan(displaced).obstacles
+    load = displaced_scan(displaced).obstacles
     turned = places(load) * np.exp(1j * displaced[:, 2])
     step = 1e-5
     for i in range(6):

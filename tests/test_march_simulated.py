@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from mp2a.exceptions import InputError
 from mp2a.formation import Formation, Limits, March, waypoints
 from mp2a.formation.choreography import follower
+from mp2a.formation.choreography.ideal import run as ideal_run
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.odometry import Odometry, into_frame, onto_ground
@@ -18,7 +19,7 @@ from mp2a.formation.tracking import commands
 from mp2a.plot.speeds import speeds_figure
 from mp2a.simulator import Dance, Marchers, Observation, Recorder, Simulation, World, box, disc, parse_world, read_world
 from mp2a.simulator.check import report
-from mp2a.simulator.drive import arc
+from mp2a.simulator.drive import SLIPS, arc
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 LISTINGS = {path.stem[8:]: path.read_text() for path in (EXAMPLES / "scenarios").glob("*.txt")}
@@ -153,13 +154,13 @@ def test_a_dancer_puts_late_points_where_they_are_now():
     assert robot.choreography.blocked[0]
 
 
-@pytest.mark.parametrize("which", [0, 1])
-def test_a_robot_of_its_own_does_what_it_does_among_all(which):
+@pytest.mark.parametrize(("name", "model", "which", "ticks"), [("7_1", HUSKY, 0, 110), ("6_3", TRADR, 3, 600)])
+def test_a_robot_of_its_own_does_what_it_does_among_all(name, model, which, ticks):
     """What a rank does: one robot that knows its own pose and points alone gives the same commands."""
-    text = LISTINGS["7_1"]
-    whole, alone = Dance(Choreography(parse(text), HUSKY)), Dance(Choreography(parse(text), HUSKY), [which])
-    simulation = Simulation(ROOM, HUSKY, whole.choreography.places())
-    for _ in range(110):
+    text = LISTINGS[name]
+    whole, alone = Dance(Choreography(parse(text), model)), Dance(Choreography(parse(text), model), [which])
+    simulation = Simulation(World(), model, whole.choreography.places())
+    for _ in range(ticks):
         sensed = simulation.sense()
         told = whole.step(sensed)
         one = slice(which, which + 1)
@@ -168,7 +169,33 @@ def test_a_robot_of_its_own_does_what_it_does_among_all(which):
         })  # fmt: skip
         assert (alone.step(part)[0] == told[which]).all()
         simulation.step(told)
-    assert alone.choreography.state.error.tolist() == [i != which for i in range(2)]
+    assert alone.choreography.state.error.tolist() == [i != which for i in range(len(simulation))]
+
+
+def test_a_column_keeps_to_its_path_though_its_robots_see_each_other():
+    text = "robots R1 R2 R3 R4\ncolumn R1;R2;R3;R4 2 0\nmove 5 0\ncircle 4 90 0.1\nmove 5 0"
+    path = ideal_run(Choreography(parse(text), HUSKY)).poses[..., :2]
+    _, simulation, recording = dance(text, world=World(), until=40)
+    assert not simulation.collisions
+    for i in range(4):  # with a field that fellow robots push in, the last one is 0.7 m off
+        off = np.hypot(*np.moveaxis(recording.poses[:, None, i, :2] - path[None, :, i], -1, 0)).min(axis=1)
+        assert off.max() < 0.3
+
+
+def test_robots_whose_wheels_slip_out_of_their_places_mind_each_other():
+    """Here robots drive into each other if fellows push nobody that is off its own place."""
+    show = Choreography(parse(LISTINGS["7_1"]), HUSKY)
+    simulation = Simulation(ROOM, HUSKY, show.places(), slip=SLIPS["hard"])
+    drive(simulation, Dance(show), 20)
+    assert not simulation.collisions
+
+
+def test_a_robot_that_turns_along_a_wall_does_not_touch_it():
+    """Up to a slanting wall, and round by 130°: without signals for turns a corner touches it after 8 s."""
+    middle, along = np.array([1.495, 0.0]), 8 * np.array([np.sin(-0.952), np.cos(-0.952)])
+    world = World([[middle - along, middle + along]])
+    _, simulation, _ = dance("robots R1\nrow R1 0 0\nmove 2.93 0\nmove 2.94 -130", world=world, until=20)
+    assert not simulation.collisions
 
 
 def test_a_silent_sensor_ends_its_robot_and_is_in_the_recording():

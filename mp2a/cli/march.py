@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _BY_DYNAMICS: dict[str, Any] = {
     "n": None, "shape": "line", "spacing": 2.0, "path": ((0.0, 0.0), (20.0, 0.0), (20.0, 15.0)), "radius": 3.0,
-    "spline": False, "speed": None, "method": "sweep",
+    "spline": False, "speed": None,
 }  # fmt: skip
 """What only a march by dynamics has, and what it is if not given."""
 _DANCED: dict[str, Any] = {"max_speed": None, "start": (0.0, 0.0, 0.0)}
@@ -50,6 +50,7 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--slip", choices=("none", "mild", "hard"), default="mild", help="of turning wheels (default: mild)"
     )
+    parser.add_argument("--method", default="sweep", help="of the scan (default: sweep)")
     parser.add_argument("--out", type=Path, default=Path("results/march"), help="files to write, without an ending")
     parser.add_argument(
         "--write", type=words, default=tuple(_WRITERS), metavar=",".join(_WRITERS), help="which (default: all)"
@@ -71,7 +72,6 @@ def add(commands: Any) -> None:
     dynamics.add_argument(
         "--speed", type=positive_number, help="of the leader at most, m/s (default: 70 %% of a robot's)"
     )
-    dynamics.add_argument("--method", help="of the scan (default: sweep)")
 
 
 def _march(options: argparse.Namespace) -> None:
@@ -197,7 +197,9 @@ def _keep(options: argparse.Namespace, recorder: "Recorder", parts: "list[_Part]
                 print(f"no {name}: {error}")
     records = [part.record for part in parts if part.record is not None]
     if records:
-        about = {name: getattr(options, name) for name in _BY_DYNAMICS} | {"n": len(recording.models)}
+        about = {name: getattr(options, name) for name in _BY_DYNAMICS} | {
+            "n": len(recording.models), "method": options.method,
+        }  # fmt: skip
         written.append(options.out.with_name(f"{options.out.name}-scan.npz"))
         save(written[-1], together(records), about)
     if not options.quiet:

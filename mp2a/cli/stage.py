@@ -12,8 +12,10 @@ from mp2a.exceptions import InputError
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from mp2a.chain import Chain
     from mp2a.formation import Formation, Path
     from mp2a.formation.choreography.scenario import Scenario
+    from mp2a.formation.exchange import Exchange
     from mp2a.formation.robot_models import RobotModel
     from mp2a.simulator.dance import Dance
     from mp2a.simulator.marchers import Marchers
@@ -36,16 +38,19 @@ class Danced(NamedTuple):
     """s it may take."""
     scenario: "Scenario"
     max_speed: float
+    method: str
 
     @contextmanager
     def robots(self, comm: "MPI.Intracomm | None") -> "Iterator[Dance]":
-        """Give each process its own copy of the choreography; ranks tell each other nothing."""
+        """Tie the robots here to the others by the scan, which tells them where their leaders are."""
         from mp2a.formation.choreography.runner import Choreography
+        from mp2a.formation.choreography.telling import planar_chain
         from mp2a.simulator.dance import Dance
 
         models = dict(zip(self.scenario.robots, self.models, strict=True))
-        dance = Choreography(self.scenario, models, self.max_speed, self.poses)
-        yield Dance(dance, None if comm is None else [comm.rank])
+        with _exchange(comm, planar_chain(len(models)), self.method) as exchange:
+            dance = Choreography(self.scenario, models, self.max_speed, self.poses, exchange)
+            yield Dance(dance, exchange.robots)
 
 
 class Marched(NamedTuple):
@@ -61,24 +66,29 @@ class Marched(NamedTuple):
     @contextmanager
     def robots(self, comm: "MPI.Intracomm | None") -> "Iterator[Marchers]":
         """Tie the robots here to the others by the scan."""
-        from mp2a.formation.exchange import OneProcess
         from mp2a.formation.march import March
         from mp2a.simulator.marchers import Marchers
 
-        chain = self.formation.chain
-        if comm is None:
-            march = March(self.formation, self.path, OneProcess(chain, self.method))
-            yield Marchers(march, self.models[0])
-            return
-        from mp2a.distributed import DistributedChain
-        from mp2a.formation.ranks import OverRanks
-
-        with DistributedChain(comm, chain, self.method) as ranks:
-            march = March(self.formation, self.path, OverRanks(ranks))
-            yield Marchers(march, self.models[0])
+        with _exchange(comm, self.formation.chain, self.method) as exchange:
+            yield Marchers(March(self.formation, self.path, exchange), self.models[0])
 
 
 Plan = Danced | Marched
+
+
+@contextmanager
+def _exchange(comm: "MPI.Intracomm | None", chain: "Chain", method: str) -> "Iterator[Exchange]":
+    """All robots here, or one a rank."""
+    if comm is None:
+        from mp2a.formation.exchange import OneProcess
+
+        yield OneProcess(chain, method)
+        return
+    from mp2a.distributed import DistributedChain
+    from mp2a.formation.ranks import OverRanks
+
+    with DistributedChain(comm, chain, method) as ranks:
+        yield OverRanks(ranks)
 
 
 def danced(options: argparse.Namespace) -> Danced:
@@ -93,7 +103,7 @@ def danced(options: argparse.Namespace) -> Danced:
     dance = Choreography(scenario, dict(zip(scenario.robots, given, strict=True)), options.max_speed)
     x, y, degrees = options.start
     poses = compose(np.array([x, y, np.deg2rad(degrees)]), dance.places())
-    return Danced(given, poses, options.seconds or LONGEST, scenario, dance.max_speed)
+    return Danced(given, poses, options.seconds or LONGEST, scenario, dance.max_speed, options.method)
 
 
 def marched(options: argparse.Namespace, ranks: int | None) -> Marched:

@@ -1,7 +1,6 @@
 """What robots tell each other in a tick: the scan, and a word to those behind; here with all robots in one process.
 
-`mp2a.formation.ranks` has the same for a robot a rank. Either serves the march arrays of the m robots of its process,
-m = n or 1.
+`mp2a.formation.ranks` has the same for a robot a rank. Either serves arrays of the m robots of its process, m = n or 1.
 """
 
 from typing import NamedTuple, Protocol
@@ -16,12 +15,18 @@ from mp2a.formation.plane import Motion, coordinates
 from mp2a.methods.result import InverseDynamics
 from mp2a.spatial import Array
 
-SAMPLES = 2
-"""Of a scan: the motion with all forces, and the same places at rest with the obstacles' forces alone."""
+
+class Bodies(NamedTuple):
+    """What inverse dynamics of T samples says of the m robots of this process."""
+
+    motion: Motion
+    """In the ground frame, ``(T, m, 3)`` each."""
+    force: Array
+    """F that the virtual joint passes to the robot, in its frame, ``(T, m, 3)``, N, N, N m (paper, eq. 6)."""
 
 
 class Scan(NamedTuple):
-    """What the scan tells the m robots of this process."""
+    """What the scan of a march tells the m robots of this process."""
 
     motion: Motion
     """In the ground frame, ``(m, 3)`` each."""
@@ -41,8 +46,23 @@ class Exchange(Protocol):
         """Tell each robot's values ``(m, k)`` to those that hang on it; what own parents told, the leader's own 0."""
         ...
 
-    def scan(self, joints: Motion, external: Array, wrong: InputError | None) -> Scan:
-        """Inverse dynamics of all robots for joints ``(m, 3)`` and forces ``(m, 3)`` at the centres of mass."""
+    def run(self, joints: Motion, external: Array, wrong: InputError | None) -> Bodies:
+        """Inverse dynamics of all robots for T samples in the same messages; collective.
+
+        Parameters
+        ----------
+        joints
+            Of the robots here, ``(T, m, 3)`` each; T is the same in every process.
+        external
+            ``(T, m, 3)`` forces at their centres of mass, in their frames, N, N, N m.
+        wrong
+            An error found here that every process is to raise.
+
+        Raises
+        ------
+        InputError
+            In every process, if there is one in any.
+        """
         ...
 
 
@@ -66,43 +86,43 @@ class OneProcess:
         """Look the parents' values up."""
         return np.where(self.chain.parents[:, None] < 0, 0.0, values[self.chain.parents])
 
-    def scan(self, joints: Motion, external: Array, wrong: InputError | None) -> Scan:
+    def run(self, joints: Motion, external: Array, wrong: InputError | None) -> Bodies:
         """Run the scan with all robots in this process."""
         if wrong is not None:
             raise wrong
-        q, v, a, forces = samples(joints, external)
-        flat = (SAMPLES, -1)
-        done = rnea(
-            self.chain, q.reshape(flat), v.reshape(flat), a.reshape(flat), forces, method=self.method, bodies=True
-        )
+        q, v, a, forces = state(joints, external)
+        flat = (len(q), -1)
+        q = q.reshape(flat)
+        done = rnea(self.chain, q, v.reshape(flat), a.reshape(flat), forces, method=self.method, bodies=True)
         if done.rotation is None or done.position is None:
-            rotation, position = placements(self.chain, q[0].reshape(-1))
-        else:
-            rotation, position = done.rotation[0], done.position[0]
-        return read_off(done, rotation, position)
+            return bodies(done, *placements(self.chain, q))
+        return bodies(done, done.rotation, done.position)
 
 
-def samples(joints: Motion, external: Array) -> tuple[Array, Array, Array, Array]:
-    """Coordinates, velocities, accelerations and forces of both samples, ``(2, m, …)``."""
-    q = coordinates(joints)
-    force = np.zeros((len(q), 6))
-    force[:, 2:5] = external[:, [2, 0, 1]]
+def scan(exchange: Exchange, joints: Motion, external: Array, wrong: InputError | None) -> Scan:
+    """Inverse dynamics of a march for joints ``(m, 3)`` and obstacles' forces ``(m, 3)``; collective.
+
+    Two samples: the motion with all forces, and the same places at rest with the obstacles' forces alone.
+    """
     still = np.zeros_like(joints.velocity)
-    return (
-        np.stack((q, q)),
-        np.stack((joints.velocity, still)),
-        np.stack((joints.rate, still)),
-        np.stack((force, force)),
-    )
-
-
-def read_off(done: InverseDynamics, rotation: Array, position: Array) -> Scan:
-    """Plane motion and forces from ``(2, m, 6)`` spatial vectors."""
-    velocity, acceleration = done.velocity[0][:, [3, 4, 2]], done.acceleration[0][:, [3, 4, 2]]
-    # The classical acceleration of the origin less what its velocity turns with the frame.
-    rate = acceleration + velocity[:, 2:] * np.stack((velocity[:, 1], -velocity[:, 0], np.zeros(len(velocity))), -1)
-    heading = np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
-    pose = np.concatenate((position[:, :2], heading[:, None]), axis=-1)
-    force = done.force[..., [3, 4, 2]]
+    both = (np.stack(pair) for pair in ((joints.pose,) * 2, (joints.velocity, still), (joints.rate, still)))
+    done = exchange.run(Motion(*both), np.stack((external, external)), wrong)
     # At rest a joint bears what the obstacles press with, and the weight, which has no part in the plane.
-    return Scan(Motion(pose, velocity, rate), force[0], -force[1])
+    return Scan(Motion(*(x[0] for x in done.motion)), done.force[0], -done.force[1])
+
+
+def state(joints: Motion, external: Array) -> tuple[Array, Array, Array, Array]:
+    """Coordinates ``(T, m, 4)``, velocities, accelerations ``(T, m, 3)`` and spatial forces ``(T, m, 6)``."""
+    force = np.zeros((*external.shape[:-1], 6))
+    force[..., 2:5] = external[..., [2, 0, 1]]
+    return coordinates(joints), joints.velocity, joints.rate, force
+
+
+def bodies(done: InverseDynamics, rotation: Array, position: Array) -> Bodies:
+    """Plane motion and forces from spatial vectors ``(T, m, 6)`` and placements ``(T, m, …)``."""
+    velocity, acceleration = done.velocity[..., [3, 4, 2]], done.acceleration[..., [3, 4, 2]]
+    # The classical acceleration of the origin less what its velocity turns with the frame.
+    across = np.stack((velocity[..., 1], -velocity[..., 0], np.zeros_like(velocity[..., 0])), axis=-1)
+    heading = np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0])
+    pose = np.concatenate((position[..., :2], heading[..., None]), axis=-1)
+    return Bodies(Motion(pose, velocity, acceleration + velocity[..., 2:] * across), done.force[..., [3, 4, 2]])

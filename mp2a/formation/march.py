@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from mp2a.checks import array
 from mp2a.exceptions import InputError
 from mp2a.formation import obstacles, sensing, springs, trail
-from mp2a.formation.exchange import Exchange, OneProcess, Scan
+from mp2a.formation.exchange import Exchange, OneProcess, Scan, scan
 from mp2a.formation.formation import Formation
 from mp2a.formation.obstacles import ObstacleLaw
 from mp2a.formation.paths import Path
@@ -212,13 +212,13 @@ class March:
             told = self.exchange.hand_on(np.concatenate(own, axis=-1))
             joints = between(Motion(told[:, :3], told[:, 3:6], told[:, 6:]), own)
         external = np.concatenate((push, np.zeros((m, 1))), axis=-1)
-        scan = self.exchange.scan(joints, external, wrong)
+        found = scan(self.exchange, joints, external, wrong)
 
-        load = scan.obstacles
+        load = found.obstacles
         if self.formation.layout.follows:
-            load, queue = external, trail.extend(queue, before(scan.motion, joints))
+            load, queue = external, trail.extend(queue, before(found.motion, joints))
         displacement, work = self._yield(load)
-        pose = np.where(failed[:, None], state.pose, scan.motion.pose)
+        pose = np.where(failed[:, None], state.pose, found.motion.pose)
         self.state = State(
             state.ticks + 1,
             state.departure,
@@ -230,13 +230,13 @@ class March:
             silent,
             failed,
         )
-        self.report = Report(scan, push, contact, work)
+        self.report = Report(found, push, contact, work)
         goes = ~failed
         return Setpoints(
             pose,
-            scan.motion.velocity[:, 0] * goes,
-            scan.motion.velocity[:, 2] * goes,
-            scan.motion.rate[:, [0, 2]] * goes[:, None],
+            found.motion.velocity[:, 0] * goes,
+            found.motion.velocity[:, 2] * goes,
+            found.motion.rate[:, [0, 2]] * goes[:, None],
             failed,
         )
 
@@ -250,8 +250,8 @@ class March:
             parents = layout.parents[robots]
             ground = np.where(self._leads[:, None], 0.0, start[parents])
             places = between(at_rest(ground), at_rest(start[robots]))
-        scan = self.exchange.scan(places, np.zeros((m, 3)), None)
-        pose = scan.motion.pose
+        found = scan(self.exchange, places, np.zeros((m, 3)), None)
+        pose = found.motion.pose
         away = self._loose(between(at_rest(rest.pose), places).pose)
         free = self._leads if layout.follows else np.ones(m, dtype=bool)
         displacement = springs.none(m)._replace(value=np.where(free[:, None], away, 0.0))
@@ -259,7 +259,7 @@ class March:
             ticks=0,
             departure=0,
             displacement=displacement,
-            trail=trail.begin(pose, before(scan.motion, places).pose, self._reach()),
+            trail=trail.begin(pose, before(found.motion, places).pose, self._reach()),
             pose=pose,
             predecessor=self._seen(places),
             push=np.zeros((m, 2)),

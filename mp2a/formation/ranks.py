@@ -1,10 +1,10 @@
-"""The exchange of a march with one robot a rank."""
+"""The exchange of a formation with one robot a rank."""
 
 import numpy as np
 
 from mp2a.distributed import DistributedChain
 from mp2a.exceptions import InputError
-from mp2a.formation.exchange import Scan, read_off, samples
+from mp2a.formation.exchange import Bodies, bodies, state
 from mp2a.formation.plane import Motion
 from mp2a.methods.result import InverseDynamics
 from mp2a.spatial import Array
@@ -28,13 +28,13 @@ class OverRanks:
         told = self.ranks.hand_on(values[0])
         return np.zeros_like(values) if told is None else told[None]
 
-    def scan(self, joints: Motion, external: Array, wrong: InputError | None) -> Scan:
+    def run(self, joints: Motion, external: Array, wrong: InputError | None) -> Bodies:
         """Run this rank's part of the scan."""
-        q, v, a, forces = samples(joints, external)
-        done = self.ranks.rnea(q[:, 0], v[:, 0], a[:, 0], forces[:, 0], wrong=wrong)
+        q, v, a, forces = (x[:, 0] for x in state(joints, external))
+        done = self.ranks.rnea(q, v, a, forces, wrong=wrong)
         if done.rotation is None or done.position is None:
-            rotation, position = self.ranks.placement(q[0, 0])
+            rotation, position = self.ranks.placement(q)
         else:
-            rotation, position = done.rotation[0], done.position[0]
+            rotation, position = done.rotation, done.position
         own = InverseDynamics(*(x[:, None] for x in (done.velocity, done.acceleration, done.force, done.torque)))
-        return read_off(own, rotation[None], position[None])
+        return bodies(own, rotation[:, None], position[:, None])

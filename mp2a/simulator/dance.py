@@ -1,8 +1,7 @@
 """Robots of a simulation that dance a choreography: what they sense goes in, commands come out."""
 
-from collections.abc import Sequence
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mp2a.formation.choreography.constants import CATCH_UP
 from mp2a.formation.choreography.follower import lanes
@@ -18,7 +17,8 @@ _STILL = 0.02
 class Dance:
     """Some robots of a choreography, all of them or those of one rank.
 
-    Every robot has a copy of the choreography and the clock; of the others it knows no more than its LIDAR sees.
+    Every robot has a copy of the choreography; of the others it knows what its LIDAR sees, and of the leaders what the
+    choreography's exchange tells.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Dance:
         ``(m, 3)`` of every step: where each robot's own leader was, and the distance it was to be behind, m.
     """
 
-    def __init__(self, choreography: Choreography, robots: Sequence[int] | None = None) -> None:
+    def __init__(self, choreography: Choreography, robots: ArrayLike | None = None) -> None:
         n = len(choreography.robots)
         self.choreography = choreography
         self.robots = np.arange(n) if robots is None else np.asarray(robots)

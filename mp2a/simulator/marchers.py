@@ -94,13 +94,12 @@ class Marchers:
         most = np.array([model.max_speed, model.max_turn_rate])
         out: Array = np.clip(asked, -most, most)
         out[stopped, 0] = 0.0
-        # A robot that turns on the spot sweeps a circle with its corners.
-        distance = np.full(len(here), np.inf)
-        np.minimum.at(distance, whose, np.abs(ground - point(here)[whose]))
-        out[stopped & (distance < np.hypot(model.length, model.width) / 2 + _SLACK), 1] = 0.0
+        out[(seen.left & (out[:, 1] > 0)) | (seen.right & (out[:, 1] < 0)), 1] = 0.0
         out[self.march.state.failed] = 0.0
         self.leaders.append(np.column_stack((setpoints.pose[:, :2], np.zeros(len(here)))))
         failed = self.march.state.failed
+        distance = np.full(len(here), np.inf)
+        np.minimum.at(distance, whose, np.abs(ground - point(here)[whose]))
         touched, lost = distance < self.march.law.radius, np.abs(point(setpoints.pose) - point(here)) > _LOST
         self.events += self._changes.tell(sensed, failed, stopped & ~failed, touched, lost & ~failed)
         return out

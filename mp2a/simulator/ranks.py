@@ -11,14 +11,16 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 
+from mp2a.exceptions import InputError
 from mp2a.simulator.observation import Observation
 from mp2a.spatial import Array
+from mp2a.transport.mpi import raise_together
 from mp2a.transport.wait import wait
 
 _ROW = 11
 """Numbers of what a robot knows: whether the run is over, time, pose, twist, stamp, arrival, new, number of points."""
-_REPLY = 3
-"""Command, and whether the robot is done."""
+_REPLY = 4
+"""Command, whether the robot is done, and whether something is wrong with it."""
 
 World = Callable[[Callable[[Observation], ArrayLike | None]], None]
 """Run a simulation with a controller."""
@@ -49,28 +51,53 @@ def perform(comm: MPI.Intracomm, robot: Robots, world: World | None) -> None:
     world
         Runs the simulation with the controller it is given; on rank 0 only, None on others. The controller ends the run
         when all robots are done.
+
+    Raises
+    ------
+    InputError
+        On every rank, if the world or a robot of any raises it; the run ends there.
     """
+    wrong: InputError | None = None
     if world is None:
         while (sensed := _receive(comm)) is not None:
-            wait(comm.Igather(_reply(robot, sensed), None, 0))
+            reply, wrong = _reply(robot, sensed)
+            wait(comm.Igather(reply, None, 0))
+        _end(comm, wrong)
         return
 
     def everyone(sensed: Observation) -> Array | None:
+        nonlocal wrong
         mine = _send(comm, sensed)
         replies = np.empty((comm.size, _REPLY))
-        wait(comm.Igather(_reply(robot, mine), replies, 0))
-        return None if replies[:, 2].all() else replies[:, :2]
+        reply, wrong = _reply(robot, mine)
+        wait(comm.Igather(reply, replies, 0))
+        return None if replies[:, 2].all() or replies[:, 3].any() else replies[:, :2]
 
     try:
         world(everyone)
+    except InputError as error:
+        wrong = wrong or error
     finally:
         over = np.zeros((comm.size, _ROW))
         over[:, 0] = 1
         wait(comm.Iscatter(over, np.empty(_ROW), 0))
+    _end(comm, wrong)
 
 
-def _reply(robot: Robots, sensed: Observation) -> Array:
-    return np.append(robot.step(sensed)[0], float(robot.done))
+def _reply(robot: Robots, sensed: Observation) -> tuple[Array, InputError | None]:
+    try:
+        command = robot.step(sensed)[0]
+    except InputError as error:
+        return np.array([0.0, 0.0, 0.0, 1.0]), error
+    return np.array([*command, float(robot.done), 0.0]), None
+
+
+def _end(comm: MPI.Intracomm, wrong: InputError | None) -> None:
+    """Raise the same error on every rank if there was one on any."""
+    told = comm.allgather(None if wrong is None else str(wrong))
+    if wrong is not None and len(set(told)) == 1:
+        raise wrong  # the robots have agreed on it already
+    raise_together(comm, wrong)
 
 
 def _send(comm: MPI.Intracomm, sensed: Observation) -> Observation:

@@ -24,6 +24,11 @@ for branching in (1, 3):
         rotation, position = mp2a.placements(chain, q)
         mine = formation.placement(q[qs])
         check(np.allclose(mine[0], rotation[RANK], atol=1e-12) and np.allclose(mine[1], position[RANK], atol=1e-12))
+        many = np.stack([chain.random_state(seed=k)[0] for k in range(3)])
+        rotation_of, position_of = mp2a.placements(chain, many)
+        mine = formation.placement(many[:, qs])
+        check(np.allclose(mine[0], rotation_of[:, RANK], atol=1e-12))
+        check(np.allclose(mine[1], position_of[:, RANK], atol=1e-12))
         scan = formation.rnea(q[qs], v[vs], a[vs])
         check(np.allclose(scan.rotation, rotation[RANK], atol=1e-12))
         check(np.allclose(scan.position, position[RANK], atol=1e-12))
@@ -33,12 +38,14 @@ for branching in (1, 3):
         for call in (
             lambda: formation.placement(np.full(len(q[qs]), np.nan) if last else q[qs]),  # noqa: B023
             lambda: formation.rnea(q[qs], v[vs], a[vs], wrong=mp2a.InputError("what I know") if last else None),  # noqa: B023
+            lambda: formation.placement(many[: 2 if last and SIZE > 1 else 3, qs]),  # noqa: B023
         ):
             try:
                 call()
             except mp2a.InputError as error:
                 errors.append(str(error))
-        check(len(errors) == 2)
+        check(len(errors) == (3 if SIZE > 1 else 2))
+        check(SIZE == 1 or f"3 samples on rank 0 and 2 on rank {SIZE - 1}" in errors[2], errors)
         check(len(set(COMM.allgather(tuple(errors)))) == 1, errors)
         check(errors[1] == f"rank {SIZE - 1}: what I know", errors)
         check(formation.hand_on(np.ones(1)) is None or parent >= 0)

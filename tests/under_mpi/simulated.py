@@ -45,4 +45,45 @@ if RANK == 0:
     check(sorted(event for part in parts for event in part[1]) == sorted(whole.events))
     check(np.abs(whole.record.push).max() > 10)
     check(np.abs(parts[-1][2].force[:, 0] - whole.record.force[:, -1]).max() < 1e-6)
+
+
+class Odd:
+    """Drives on, and on the last rank finds something wrong after a while."""
+
+    done, steps = False, 0
+
+    def step(self, sensed):
+        self.steps += 1
+        if self.steps == 5 and RANK == SIZE - 1:
+            raise mp2a.InputError("what I found")
+        return np.zeros((1, 2))
+
+
+def short_world(controller):
+    """A run that itself finds something wrong, if no robot does."""
+    from mp2a.simulator import Simulation, World
+
+    simulation = Simulation(World(), HUSKY, formation.layout.poses(np.zeros(3)))
+    for _ in range(8):
+        commands = controller(simulation.sense())
+        if commands is None:
+            return
+        simulation.step(commands)
+    simulation.step(commands[:, :1])
+
+
+class Fine(Odd):
+    """Finds nothing wrong."""
+
+    def step(self, sensed):
+        return np.zeros((1, 2))
+
+
+for robot, expected in ((Odd(), f"rank {SIZE - 1}: what I found"), (Fine(), "rank 0: commands: got shape")):
+    try:
+        perform(COMM, robot, short_world if RANK == 0 else None)
+        text = ""
+    except mp2a.InputError as error:
+        text = str(error)
+    check(len(set(COMM.allgather(text))) == 1 and (text.startswith(expected) or SIZE == 1), text)
 check.done()

@@ -34,6 +34,8 @@ TARGET_TOLERANCE = 0.3
 """m at which a point of the queue counts as reached (sections 4.3, 7.2.2)."""
 TARGET_AHEAD = 20
 """Points of the queue, 2 s of the leader's path, among which a reached one takes those before it along; ours."""
+LANE_KEPT = 3000
+"""Points of a queue, 5 min, that are kept after a robot has passed them, to know where fellows are to be; ours."""
 CATCH_UP = 2.0
 """Times the asked distance at which the queue is cleared (section 4.3)."""
 
@@ -53,6 +55,10 @@ STOP_DISTANCE = 0.55
 """m from the robot's front or rear (section 5.2)."""
 STOP_SIDE = 0.05
 """m beside the body that also counts as in the way; ours."""
+TURN_AHEAD = 0.5
+"""rad: no turn whose first half radian brings the body, with TURN_SIDE around it, against a point; ours."""
+TURN_SIDE = 0.1
+"""m around the body that a turn keeps free; ours."""
 
 # ---- failures --------------------------------------------------------------------------------------------------
 SILENCE = 0.3

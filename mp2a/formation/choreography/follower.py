@@ -12,6 +12,7 @@ from mp2a.formation.choreography.constants import (
     CATCH_UP,
     FORCE_GAIN,
     GAP_GAIN,
+    LANE_KEPT,
     LEADER_SPEED_SHARE,
     STEER_GAIN,
     TARGET_AHEAD,
@@ -33,11 +34,14 @@ class Queues(NamedTuple):
         ``(n,)``: the next point of each robot.
     tail
         One past the newest point, the same for all.
+    behind
+        ``(n,)``: the newest point as far from the leader as asked; for `mp2a.formation.choreography.fellows`.
     """
 
     points: Array
     head: NDArray[np.intp]
     tail: int
+    behind: NDArray[np.intp]
 
     @property
     def lengths(self) -> NDArray[np.intp]:
@@ -47,21 +51,21 @@ class Queues(NamedTuple):
 
 def empty(n: int, capacity: int = 256) -> Queues:
     """Queues without a point."""
-    return Queues(np.empty((n, capacity, 2)), np.zeros(n, dtype=np.intp), 0)
+    return Queues(np.empty((n, capacity, 2)), np.zeros(n, dtype=np.intp), 0, np.zeros(n, dtype=np.intp))
 
 
 def push(queues: Queues, points: Array) -> Queues:
     """Add a point ``(n, 2)`` to the end of every queue; points nobody needs any more make room."""
-    store, head, tail = queues
+    store, head, tail, behind = queues
     if tail == store.shape[1]:
-        oldest = int(head.min())
+        oldest = min(int(head.min()), max(tail - LANE_KEPT, 0))
         kept = store[:, oldest:tail]
         capacity = store.shape[1] if 2 * kept.shape[1] <= store.shape[1] else 2 * store.shape[1]
         store = np.empty((len(store), capacity, 2))
         store[:, : kept.shape[1]] = kept
-        head, tail = head - oldest, tail - oldest
+        head, tail, behind = head - oldest, tail - oldest, np.maximum(behind - oldest, 0)
     store[:, tail] = points
-    return Queues(store, head, tail + 1)
+    return Queues(store, head, tail + 1, behind)
 
 
 def lanes(leaders: Leaders) -> Array:

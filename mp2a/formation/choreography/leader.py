@@ -1,7 +1,8 @@
 """The virtual leaders, one a robot, and the controllers that drive them (thesis, section 4.2).
 
-Every robot works out its own leader from the scenario and the clock alone, so robots with the same clock agree on where
-it is without a message. Here all n are arrays; nothing depends on where the robots really are.
+They follow from the scenario and the clock alone. So either every robot works out its own, and robots with the same
+clock agree without a message, as in the thesis; or one robot does, and `mp2a.formation.choreography.telling` takes
+their motion to the others. Here all n are arrays; nothing depends on where the robots really are.
 """
 
 from typing import NamedTuple
@@ -27,7 +28,7 @@ from mp2a.spatial import Array
 
 
 class Leaders(NamedTuple):
-    """Virtual leaders of n robots at a tick.
+    """What robots know of their virtual leaders at a tick.
 
     Attributes
     ----------
@@ -35,24 +36,15 @@ class Leaders(NamedTuple):
         ``(n, 3)`` in the ground frame.
     twist
         ``(n, 2)`` forward speed and turn rate until the next tick, m/s and rad/s; zero while it stands.
-    frame
-        ``(n, 3)``: where the present step of the scenario begins if everything goes as written.
     step
         ``(n,)`` of the program.
-    swept
-        ``(n,)`` rad of the present arc that are done.
-    since
-        ``(n,)`` s: when the present step began.
     place
         ``(n, 2)``: where the robot is to be, seen from its leader, m.
     """
 
     pose: Array
     twist: Array
-    frame: Array
     step: NDArray[np.intp]
-    swept: Array
-    since: Array
     place: Array
 
     @property
@@ -60,6 +52,27 @@ class Leaders(NamedTuple):
         """Which leaders do not move until the next tick."""
         out: NDArray[np.bool_] = ~np.logical_or.reduce(self.twist != 0, axis=1)
         return out
+
+
+class Course(NamedTuple):
+    """What is remembered of the leaders from tick to tick by who works them out.
+
+    Attributes
+    ----------
+    leaders
+        At this tick.
+    frame
+        ``(n, 3)``: where the present step of the scenario begins if everything goes as written.
+    swept
+        ``(n,)`` rad of the present arc that are done.
+    since
+        ``(n,)`` s: when the present step began.
+    """
+
+    leaders: Leaders
+    frame: Array
+    swept: Array
+    since: Array
 
 
 def waypoint_twist(target: Array, max_speed: float) -> Array:
@@ -113,7 +126,7 @@ def arc_twist(radius: Array, rate: Array, distance: Array) -> Array:
     return np.stack((rate * size, np.clip(turn, -LEADER_MOST_TURN, LEADER_MOST_TURN)), axis=-1)
 
 
-def start(program: Program, poses: Array | None) -> Leaders:
+def start(program: Program, poses: Array | None) -> Course:
     """Leaders before the scenario begins: at the origin, or where robots at ``poses`` ``(n, 3)`` have them in place."""
     n = len(program)
     place = program.values[:, 0, :2].copy()
@@ -124,18 +137,19 @@ def start(program: Program, poses: Array | None) -> Leaders:
         own = np.column_stack((poses[:, :2], np.full(n, heading)))
         pose[:] = compose(own, np.column_stack((-place, np.zeros(n)))).mean(axis=0)
     zero = np.zeros(n)
-    return Leaders(pose, np.zeros((n, 2)), pose.copy(), np.zeros(n, dtype=np.intp), zero, zero, place)
+    leaders = Leaders(pose, np.zeros((n, 2)), np.zeros(n, dtype=np.intp), place)
+    return Course(leaders, pose.copy(), zero, zero)
 
 
-def advance(program: Program, leaders: Leaders, time: float, max_speed: float) -> Leaders:
+def advance(program: Program, course: Course, time: float, max_speed: float) -> Course:
     """Leaders one tick on.
 
     Parameters
     ----------
     program
         What they do.
-    leaders
-        At the tick before; their twist takes them here.
+    course
+        At the tick before; the leaders' twist takes them here.
     time
         Of the tick, s.
     max_speed
@@ -143,18 +157,20 @@ def advance(program: Program, leaders: Leaders, time: float, max_speed: float) -
 
     Returns
     -------
-    Leaders
+    Course
         At ``time``, with the twist for the tick to come.
     """
-    pose = compose(leaders.pose, arc(leaders.twist, TICK))
-    swept = _swept(program, leaders, pose)
-    state = _finish_steps(program, leaders._replace(pose=pose, swept=swept), time)
-    return state._replace(twist=_twist(program, state, max_speed))
+    leaders = course.leaders
+    leaders = leaders._replace(pose=compose(leaders.pose, arc(leaders.twist, TICK)))
+    swept = _swept(program, course, leaders.pose)
+    course = _finish_steps(program, course._replace(leaders=leaders, swept=swept), time)
+    twist = _twist(program, course, max_speed)
+    return course._replace(leaders=course.leaders._replace(twist=twist))
 
 
-def _now(program: Program, state: Leaders) -> tuple[NDArray[np.intp], Array]:
+def _now(program: Program, step: NDArray[np.intp]) -> tuple[NDArray[np.intp], Array]:
     robots = np.arange(len(program))
-    return program.kind[robots, state.step], program.values[robots, state.step]
+    return program.kind[robots, step], program.values[robots, step]
 
 
 def _ends(kind: NDArray[np.intp], values: Array, frame: Array) -> Array:
@@ -176,62 +192,63 @@ def _from_centre(frame: Array, radius: Array, pose: Array) -> tuple[Array, Array
     return np.hypot(ahead, across), along
 
 
-def _swept(program: Program, leaders: Leaders, pose: Array) -> Array:
-    kind, values = _now(program, leaders)
-    _, along = _from_centre(leaders.frame, np.where(kind == CIRCLE, values[:, 0], 1.0), pose)
-    return np.where(kind == CIRCLE, leaders.swept + wrap(along - leaders.swept), 0.0)
+def _swept(program: Program, course: Course, pose: Array) -> Array:
+    kind, values = _now(program, course.leaders.step)
+    _, along = _from_centre(course.frame, np.where(kind == CIRCLE, values[:, 0], 1.0), pose)
+    return np.where(kind == CIRCLE, course.swept + wrap(along - course.swept), 0.0)
 
 
-def _finish_steps(program: Program, state: Leaders, time: float) -> Leaders:
+def _finish_steps(program: Program, course: Course, time: float) -> Course:
     """Go on to the next step wherever one is done, as often as needed."""
     for _ in range(program.kind.shape[1]):
-        kind, values = _now(program, state)
-        end = _ends(kind, values, state.frame)
-        near = np.hypot(*(end - state.pose)[:, :2].T) <= WAYPOINT_TOLERANCE
-        moved = ((kind == MOVE) & near) | ((kind == CIRCLE) & (state.swept >= values[:, 1]))
+        kind, values = _now(program, course.leaders.step)
+        end = _ends(kind, values, course.frame)
+        near = np.hypot(*(end - course.leaders.pose)[:, :2].T) <= WAYPOINT_TOLERANCE
+        moved = ((kind == MOVE) & near) | ((kind == CIRCLE) & (course.swept >= values[:, 1]))
         shaped = kind == SHAPE
-        state = state._replace(place=np.where(shaped[:, None], values[:, :2], state.place))
-        state, met = _meet(program, state, kind, time)
+        course, met = _meet(program, course, kind, time)
         done = moved | shaped | met
         if not done.any():
             break
-        state = state._replace(
-            frame=np.where(moved[:, None], end, state.frame),
-            step=state.step + done,
-            swept=np.where(done, 0.0, state.swept),
-            since=np.where(done, time, state.since),
+        leaders = course.leaders
+        place = np.where((shaped | met)[:, None], values[:, :2], leaders.place)
+        course = Course(
+            leaders._replace(step=leaders.step + done, place=place),
+            frame=np.where(moved[:, None], end, course.frame),
+            swept=np.where(done, 0.0, course.swept),
+            since=np.where(done, time, course.since),
         )
-    return state
+    return course
 
 
-def _meet(program: Program, state: Leaders, kind: NDArray[np.intp], time: float) -> tuple[Leaders, NDArray[np.bool_]]:
+def _meet(program: Program, course: Course, kind: NDArray[np.intp], time: float) -> tuple[Course, NDArray[np.bool_]]:
     """Give new leaders to the formations whose robots are all there and have stood long enough."""
     met = np.zeros(len(program), dtype=bool)
     waiting = kind == MEET
     if not waiting.any():
-        return state, met
-    meeting = np.where(waiting, program.meeting[np.arange(len(program)), state.step], -1)
-    pose, frame, place = state.pose.copy(), state.frame.copy(), state.place.copy()
+        return course, met
+    leaders = course.leaders
+    meeting = np.where(waiting, program.meeting[np.arange(len(program)), leaders.step], -1)
+    pose, frame = leaders.pose.copy(), course.frame.copy()
     for which in np.unique(meeting[waiting]):
         members = program.members[which]
-        ready = (meeting[members] == which).all() and time - state.since[members].max() >= NEW_LEADER_PAUSE - 1e-9
+        ready = (meeting[members] == which).all() and time - course.since[members].max() >= NEW_LEADER_PAUSE - 1e-9
         if ready:
             met[members] = True
-            pose[members] = frame[members] = new_leader(state, members, program.first_rows[which])
-            place[members] = program.values[members, state.step[members], :2]
-    return state._replace(pose=pose, frame=frame, place=place), met
+            pose[members] = frame[members] = new_leader(course, members, program.first_rows[which])
+    return course._replace(leaders=leaders._replace(pose=pose), frame=frame), met
 
 
-def new_leader(state: Leaders, members: NDArray[np.intp], first_row: NDArray[np.intp]) -> Array:
+def new_leader(course: Course, members: NDArray[np.intp], first_row: NDArray[np.intp]) -> Array:
     """Pose of a new leader: in front of the robots that are to be its first row, in the middle of all (chapter 6).
 
     Robots count where they should be, which every one of them knows of all. The heading is the scenario's, so that an
     angle left over from the last waypoint does not turn what follows.
     """
-    headings = state.frame[members, 2]
+    leaders, headings = course.leaders, course.frame[members, 2]
     heading = np.arctan2(np.sin(headings).mean(), np.cos(headings).mean())
-    old = np.column_stack((state.pose[:, :2], state.frame[:, 2]))
-    spots = compose(old, np.column_stack((state.place, np.zeros(len(old)))))[:, :2]
+    old = np.column_stack((leaders.pose[:, :2], course.frame[:, 2]))
+    spots = compose(old, np.column_stack((leaders.place, np.zeros(len(old)))))[:, :2]
     turned = np.array([0.0, 0.0, heading])
     inner = seen_from(turned, spots)
     ahead = inner[first_row, 0].max() + LEADER_LEAD
@@ -239,12 +256,12 @@ def new_leader(state: Leaders, members: NDArray[np.intp], first_row: NDArray[np.
     return compose(turned, np.array([ahead, across, 0.0]))
 
 
-def _twist(program: Program, state: Leaders, max_speed: float) -> Array:
-    kind, values = _now(program, state)
-    end = _ends(kind, values, state.frame)
-    straight = waypoint_twist(seen_from(state.pose, end[:, :2]), max_speed)
+def _twist(program: Program, course: Course, max_speed: float) -> Array:
+    kind, values = _now(program, course.leaders.step)
+    end = _ends(kind, values, course.frame)
+    straight = waypoint_twist(seen_from(course.leaders.pose, end[:, :2]), max_speed)
     radius = np.where(kind == CIRCLE, values[:, 0], 1.0)
-    distance, _ = _from_centre(state.frame, radius, state.pose)
+    distance, _ = _from_centre(course.frame, radius, course.leaders.pose)
     bend = arc_twist(radius, arc_rate(radius, values[:, 2], max_speed), distance)
     moving = np.where((kind == MOVE)[:, None], straight, bend)
     return np.where(((kind == END) | (kind == MEET))[:, None], 0.0, moving)

@@ -15,10 +15,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from mp2a.checks import numbers
 from mp2a.exceptions import InputError
-from mp2a.formation.choreography.constants import CELL, CELL_FORCE, HIGHEST, LOWEST, STOP_DISTANCE, STOP_SIDE, WINDOW
+from mp2a.formation.choreography.constants import (
+    CELL,
+    CELL_FORCE,
+    HIGHEST,
+    LOWEST,
+    STOP_DISTANCE,
+    STOP_SIDE,
+    TURN_AHEAD,
+    TURN_SIDE,
+    WINDOW,
+)
 from mp2a.spatial import Array
 
 _SIDE = round(WINDOW / CELL)
+_TURNS = 5
+"""Steps in which a turn is looked ahead; between two a HUSKY's corner moves by 6 cm."""
 
 
 class Seen(NamedTuple):
@@ -30,11 +42,16 @@ class Seen(NamedTuple):
         F, ``(n, 2)`` in the robots' frames.
     front, rear
         ``(n,)``: stop_front and stop_rear.
+    left, right
+        ``(n,)``: a turn that way would bring the body against a point. The thesis has no such signal; without one, a
+        robot that stands close to a wall touches it with a corner as it turns.
     """
 
     force: Array
     front: NDArray[np.bool_]
     rear: NDArray[np.bool_]
+    left: NDArray[np.bool_]
+    right: NDArray[np.bool_]
 
 
 def from_cloud(cloud: ArrayLike) -> Array:
@@ -73,7 +90,9 @@ def flatten(points: Sequence[ArrayLike | None], n: int) -> tuple[Array, NDArray[
     return np.concatenate(clouds) if clouds else np.empty((0, 2)), whose
 
 
-def look(points: Array, whose: NDArray[np.intp], lengths: Array, widths: Array) -> Seen:
+def look(
+    points: Array, whose: NDArray[np.intp], lengths: Array, widths: Array, pushing: NDArray[np.bool_] | None = None
+) -> Seen:
     """Work out force and stop signals.
 
     Parameters
@@ -84,6 +103,8 @@ def look(points: Array, whose: NDArray[np.intp], lengths: Array, widths: Array) 
         ``(k,)``: index of that robot.
     lengths, widths
         ``(n,)`` of the robots, m.
+    pushing
+        ``(k,)``: which points push; None: all do. All stop robots.
 
     Returns
     -------
@@ -96,13 +117,32 @@ def look(points: Array, whose: NDArray[np.intp], lengths: Array, widths: Array) 
     near, robot = points[inside], whose[inside]
     cell = np.floor((near + WINDOW / 2) / CELL).astype(np.intp).clip(0, _SIDE - 1)
     occupied = np.zeros((n, _SIDE * _SIDE))
-    occupied[robot, cell[:, 0] * _SIDE + cell[:, 1]] = 1.0
+    occupied[robot, cell[:, 0] * _SIDE + cell[:, 1]] = 1.0 if pushing is None else pushing[inside]
     half = lengths[robot] / 2
     lane = np.abs(near[:, 1]) < widths[robot] / 2 + STOP_SIDE
     ahead = lane & (near[:, 0] > 0) & (near[:, 0] < half + STOP_DISTANCE)
     behind = lane & (near[:, 0] < 0) & (near[:, 0] > -half - STOP_DISTANCE)
-    front, rear = (np.bincount(robot[which], minlength=n) > 0 for which in (ahead, behind))
-    return Seen(occupied @ _field(), front, rear)
+    sides = (_swept(near, half, widths[robot] / 2, side) for side in (1.0, -1.0))
+    signals = (np.bincount(robot[which], minlength=n) > 0 for which in (ahead, behind, *sides))
+    return Seen(occupied @ _field(), *signals)
+
+
+def _swept(points: Array, half_length: Array, half_width: Array, side: float) -> NDArray[np.bool_]:
+    """Which points a body meets if it turns, ``side`` 1 to the left and -1 to the right, ``(k,)``.
+
+    Points that are within TURN_SIDE of the body from the start are met if the turn brings them nearer.
+    """
+    size = np.stack((half_length, half_width), axis=-1)
+    met = np.zeros(len(points), dtype=bool)
+    for angle in side * TURN_AHEAD * np.arange(1, _TURNS + 1) / _TURNS:
+        c, s = np.cos(angle), np.sin(angle)
+        turned = points @ np.array([[c, -s], [s, c]])
+        met |= (np.abs(turned) < size + TURN_SIDE).all(axis=-1)
+    body = np.clip(points, -size, size)  # what of it is nearest to each point, and goes to its left or right
+    towards = side * (body[:, 0] * (points - body)[:, 1] - body[:, 1] * (points - body)[:, 0])
+    close = (np.abs(points) < size + TURN_SIDE).all(axis=-1)
+    out: NDArray[np.bool_] = np.where(close, towards > 0, met)
+    return out
 
 
 @cache

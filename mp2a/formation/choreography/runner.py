@@ -8,12 +8,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from mp2a.checks import array, numbers
 from mp2a.exceptions import InputError
-from mp2a.formation.choreography import follower, leader, obstacles
+from mp2a.formation.choreography import fellows, follower, leader, obstacles
 from mp2a.formation.choreography.constants import LOST_POSES, SILENCE, TICK
-from mp2a.formation.choreography.motion import joint_state, place_motion
 from mp2a.formation.choreography.places import compose
 from mp2a.formation.choreography.program import END, compile_program
 from mp2a.formation.choreography.scenario import Instruction, Scenario
+from mp2a.formation.choreography.telling import parts, tell
+from mp2a.formation.exchange import Exchange
 from mp2a.formation.robot_models import RobotModel
 from mp2a.spatial import Array
 
@@ -53,12 +54,16 @@ class State(NamedTuple):
     ----------
     tick
         Ticks since the start, -1 before.
+    course
+        Of `leader`, in a process that works the leaders out; None where they are told.
     leaders, queues
         Of `leader` and `follower`.
     excess
         ``(n,)`` m: how much farther than asked each robot is from its leader.
     asked
         ``(n, 2)``: what the controller asked for before any limit, m/s and rad/s.
+    expected
+        ``(ticks, n, 2)``: where robots are to be and were to be a moment ago, oldest first, ground frame, m.
     seen
         Force and stop signals of the newest points.
     heard
@@ -70,10 +75,12 @@ class State(NamedTuple):
     """
 
     tick: int
+    course: leader.Course | None
     leaders: leader.Leaders
     queues: follower.Queues
     excess: Array
     asked: Array
+    expected: Array
     seen: obstacles.Seen
     heard: Array
     lost: NDArray[np.intp]
@@ -94,6 +101,10 @@ class Choreography:
     poses
         Where the robots stand before the start, ``(n, 3)``: the virtual leader starts in front of them. None: the
         leader starts at the origin, heading along x.
+    exchange
+        How the leaders' motion gets to the robots of this process from the first one's, over
+        `mp2a.formation.choreography.telling.planar_chain`. None: every robot works them out by itself from the
+        scenario and the clock, as in the thesis.
 
     Attributes
     ----------
@@ -122,6 +133,7 @@ class Choreography:
         robots: RobotModel | Mapping[str, RobotModel],
         max_speed: float | None = None,
         poses: ArrayLike | None = None,
+        exchange: Exchange | None = None,
     ) -> None:
         self.scenario = scenario
         self.program = compile_program(scenario)
@@ -130,16 +142,20 @@ class Choreography:
         self.max_speed = float(self.fleet.max_speed.min() if max_speed is None else max_speed)
         if not 0 < self.max_speed < np.inf:
             raise InputError(f"max_speed: got {max_speed}, expected a positive number of m/s")
+        self._exchange, self._parts = exchange, parts(self.program)
         began = leader.start(self.program, None if poses is None else array("poses", poses, (n, 3)))
         none = np.zeros(n, dtype=bool)
-        unseen = obstacles.Seen(np.zeros((n, 2)), none, none)
+        unseen = obstacles.Seen(np.zeros((n, 2)), none, none, none, none)
         zero = np.zeros(n)
+        queues = follower.empty(n)
         self.state = State(
             -1,
-            began,
-            follower.empty(n),
+            began if exchange is None or exchange.robots[0] == 0 else None,
+            began.leaders,
+            queues,
             zero,
             np.zeros((n, 2)),
+            np.stack((fellows.expected(queues, began.leaders)[1],) * fellows.MEMORY),
             unseen,
             np.full(n, np.nan),
             np.zeros(n, dtype=np.intp),
@@ -178,11 +194,6 @@ class Choreography:
         place = self.state.leaders.place
         return compose(self.state.leaders.pose, np.column_stack((place, np.zeros(len(place)))))
 
-    def joints(self) -> tuple[Array, Array, Array]:
-        """Return q, v, a of `mp2a.formation.choreography.motion.joint_state` from now until the next tick."""
-        leaders = self.state.leaders
-        return joint_state(place_motion(leaders.pose, leaders.twist, leaders.place))
-
     def step(self, t: float, poses: ArrayLike, twists: ArrayLike, points: Sequence[ArrayLike | None] | None) -> Array:
         """Commands for the present moment.
 
@@ -209,18 +220,20 @@ class Choreography:
         Raises
         ------
         InputError
-            If an argument has the wrong shape, or time runs backwards or jumps by more than a minute.
+            If an argument has the wrong shape, or time runs backwards or jumps by more than a minute. With an exchange,
+            a wrong shape is an error in every process.
         """
         n = len(self.program)
-        place = numbers("poses", poses)
-        if place.shape != (n, 3):
-            raise InputError(f"poses: got shape {place.shape}, expected {(n, 3)}")
-        twist = numbers("twists", twists)
-        if twist.shape != (n, 2):
-            raise InputError(f"twists: got shape {twist.shape}, expected {(n, 2)}")
         tick = self._tick(t)
-        known: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(place), axis=1)
-        state = self._sense(t, known, points)
+        try:
+            place = _rows("poses", poses, (n, 3))
+            _rows("twists", twists, (n, 2))
+            state = self._sense(t, place, points)
+        except InputError as wrong:
+            if self._exchange is not None and tick > self.state.tick:  # the others are waiting to be told
+                self._told(self.state.leaders, self.state.course, wrong)
+            raise
+        known = state.lost == 0
         if tick < 0:
             self.state = state
             return np.zeros((n, 2))
@@ -243,8 +256,9 @@ class Choreography:
             raise InputError(f"t: got {t} s after {last:g} s, expected time to run on, in steps of less than a minute")
         return -1 if now < 0 else max(int(now / TICK + 1e-6), self.state.tick)
 
-    def _sense(self, t: float, known: NDArray[np.bool_], points: Sequence[ArrayLike | None] | None) -> State:
+    def _sense(self, t: float, poses: Array, points: Sequence[ArrayLike | None] | None) -> State:
         state = self.state
+        known = np.logical_and.reduce(np.isfinite(poses), axis=1)
         lost = np.where(known, 0, state.lost + 1)
         error = state.error | (lost >= LOST_POSES)
         if points is None and np.isnan(state.heard).all():
@@ -253,11 +267,12 @@ class Choreography:
         given = [None] * n if points is None else points
         cloud, whose = obstacles.flatten(given, n)
         came = np.array([one is not None for one in given])
-        fresh = obstacles.look(cloud, whose, self.fleet.length, self.fleet.width)
+        length, width = self.fleet.length, self.fleet.width
+        strange = fellows.strange(cloud, whose, poses, state.expected, np.hypot(length, width) / 2)
+        fresh = obstacles.look(cloud, whose, length, width, strange)
         seen = obstacles.Seen(
             np.where(came[:, None], fresh.force, state.seen.force),
-            np.where(came, fresh.front, state.seen.front),
-            np.where(came, fresh.rear, state.seen.rear),
+            *(np.where(came, now, before) for now, before in zip(fresh[1:], state.seen[1:], strict=True)),
         )
         heard = np.where(came | np.isnan(state.heard) | (t < 0), t, state.heard)
         error = error | (t - heard > SILENCE + 1e-9)
@@ -266,12 +281,26 @@ class Choreography:
     def _tick_on(self, state: State) -> State:
         tick = state.tick + 1
         time = tick * TICK
-        leaders = leader.advance(self.program, state.leaders, time, self.max_speed)
+        course = state.course
+        if course is not None:
+            course = leader.advance(self.program, course, time, self.max_speed)
+        leaders = self._told(state.leaders, course)
         self._report(state.leaders, leaders, time, first=tick == 0)
         queues = state.queues
         if not leaders.stands.all():
             queues = follower.push(queues, follower.lanes(leaders))
-        return state._replace(tick=tick, leaders=leaders, queues=queues)
+        queues, there = fellows.expected(queues, leaders)
+        expected = np.concatenate((state.expected[1:], there[None]))
+        return state._replace(tick=tick, course=course, leaders=leaders, queues=queues, expected=expected)
+
+    def _told(
+        self, before: leader.Leaders, course: leader.Course | None, wrong: InputError | None = None
+    ) -> leader.Leaders:
+        own = None if course is None else course.leaders
+        if self._exchange is not None:
+            return tell(self._exchange, self._parts, before, own, wrong)
+        assert own is not None
+        return own
 
     def _report(self, before: leader.Leaders, after: leader.Leaders, time: float, first: bool) -> None:
         changed = np.ones(len(self.program), bool) if first else before.step != after.step
@@ -291,8 +320,18 @@ class Choreography:
         limits = np.column_stack((self.fleet.max_speed, self.fleet.max_turn_rate))
         out = np.clip(asked, -limits, limits)
         out[self.blocked, 0] = 0.0
+        turn, seen = out[:, 1], self.state.seen
+        out[(seen.left & (turn > 0)) | (seen.right & (turn < 0)), 1] = 0.0
         out[self.state.error | ~known] = 0.0
         return out
+
+
+def _rows(name: str, values: ArrayLike, shape: tuple[int, int]) -> Array:
+    """Check an array that may hold what is not a number."""
+    out = numbers(name, values)
+    if out.shape != shape:
+        raise InputError(f"{name}: got shape {out.shape}, expected {shape}")
+    return out
 
 
 def models(scenario: Scenario, robots: RobotModel | Mapping[str, RobotModel]) -> tuple[RobotModel, ...]:
