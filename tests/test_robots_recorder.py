@@ -41,11 +41,19 @@ from test_robots_recorder import HUSKY, SECOND, step
 from mp2a.robots.recorder import Orders, Recorder
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs come with it ignored
-recorder = Recorder(Orders(Path(sys.argv[1]), sys.argv[2], {"R1": HUSKY, "R2": HUSKY}, "starts"), wait=False)
+roles = ["R1", "R2"]
+if sys.argv[4] == "mpi":
+    from mpi4py import MPI
+    roles = [roles[MPI.COMM_WORLD.rank]]
+recorder = Recorder(Orders(Path(sys.argv[1]), sys.argv[2], dict.fromkeys(roles, HUSKY), "starts"), wait=False)
 for k in range(50):
-    for role in ("R1", "R2"):
+    for role in roles:
         recorder.add(role, (k + 1) * SECOND, step(k))
 print("there", flush=True)
+if sys.argv[4] == "mpi":
+    MPI.COMM_WORLD.barrier()
+    if MPI.COMM_WORLD.rank == 1:
+        MPI.COMM_WORLD.Abort(7)
 if sys.argv[4] == "raise":
     raise RuntimeError("a bug")
 time.sleep(60)
@@ -78,18 +86,32 @@ def wait_for(what):
 
 @pytest.mark.parametrize("how", ["SIGKILL", "SIGTERM", "SIGINT", "SIGHUP", "raise"])
 def test_a_planner_that_is_killed_leaves_whole_files(how, tmp_path):
-    program = [sys.executable, "-c", PLANNER, str(tmp_path / "out"), "mcap", str(Path(__file__).parent), how]
+    program = planner_program(tmp_path, how)
     planner = subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True)
     assert planner.stdout.readline() == b"there\n"
     if how != "raise":
         os.killpg(planner.pid, signal.Signals[how])  # its whole group, as a terminal and mpirun do
     planner.wait(LONG)
+    assert_whole(tmp_path)
+
+
+def test_planners_that_mpi_ends_leave_whole_files(tmp_path):
+    done = launch.run(2, planner_program(tmp_path, "mpi"), timeout=60, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    assert done.returncode
+    assert_whole(tmp_path)
+
+
+def planner_program(folder, how):
+    return [sys.executable, "-c", PLANNER, str(folder / "out"), "mcap", str(Path(__file__).parent), how]
+
+
+def assert_whole(folder):
     for role in ("R1", "R2"):
-        bag = tmp_path / "out" / role
+        bag = folder / "out" / role
         wait_for((bag / "metadata.yaml").exists)
         found = count(bag)
         assert (found[EVENTS_TOPIC], found["/nav/cmd_vel"], found["/points_filtered"]) == (1, 50, 50)
-        assert len((tmp_path / "out" / f"{role}.csv").read_text().splitlines()) == 51
+        assert len((folder / "out" / f"{role}.csv").read_text().splitlines()) == 51
 
 
 def test_a_writer_that_stalls_stops_nobody_and_loses_nothing(tmp_path):
