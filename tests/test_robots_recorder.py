@@ -2,6 +2,7 @@
 
 import functools
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -137,6 +138,15 @@ def test_what_the_disk_says_is_told(tmp_path):
     (tmp_path / "R1.csv").mkdir()  # somebody was quicker
     recorder.add("R1", SECOND, step(0))
     assert "R1.csv" in recorder.close()
+
+
+@pytest.mark.parametrize("bag", BAGS)
+def test_a_disk_that_is_full_stops_nobody_and_is_told(bag, tmp_path):
+    recorder = Recorder(orders(tmp_path, bag), wait=True)
+    resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (4096, 4096))
+    for k in range(100):
+        recorder.add("R1", (k + 1) * SECOND, step(k, 20_000))
+    assert "Error" in recorder.close()
 
 
 def test_a_record_that_is_lost_ends_the_command_with_2_but_drives(tmp_path, monkeypatch, capsys):
