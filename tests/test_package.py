@@ -20,7 +20,7 @@ LAYERS = (
 )  # fmt: skip
 NOT_ON_A_RANK = (
     "matplotlib", "pinocchio", "rich", "typer", "click", "argparse", "mujoco", "scipy", "numba",
-    "shapely", "foxglove", "tomllib", "tomli", "lark",
+    "shapely", "foxglove", "rosbags", "tomllib", "tomli", "lark",
 )  # fmt: skip
 
 

@@ -295,7 +295,7 @@ def test_a_robots_file_overrides_the_table():
         ("max_speed = 0.6", 'body_frame = "a b"', "expected a name without blanks"),
         ("[robots.R2]", "[robots.R3]", r"got no table \[robots.R2\], expected one for each of R1, R2"),
         ("[robots.R2]", '[robots.R4]\nmodel="husky"\n[robots.R2]', "a table for unknown role 'R4'"),
-        ('"ros1"', '"ros"', "adapter: got 'ros', expected one of dry, simulator, ros1, ros2"),
+        ('"ros1"', '"ros"', "adapter: got 'ros', expected one of dry, simulator, recording, ros1, ros2"),
         ("rate = 25", "rate = 25\n[other]", "robots: got 'other', expected one of adapter"),
         ('"/tradr2"', "7", "namespace: got 7"),
         ("[all]", "[all", "cannot be read as TOML"),

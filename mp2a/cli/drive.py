@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from mp2a.cli.options import command, positive_number, under_mpirun
 from mp2a.exceptions import InputError, MissingError
+from mp2a.robots.adapters import ADAPTERS, REAL
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-ADAPTERS = ("dry", "simulator", "ros1", "ros2")
-"""Those of `mp2a.robots.robots_file`, which is not loaded to parse options."""
+_BAGS = ("mcap", "ros2", "ros1", "none")
+"""Those of `mp2a.robots.bag_writer`, which is not loaded to parse options, and none."""
+_WRONG = 2
+"""Exit status if something is wrong or missing, as of `mp2a.cli`."""
 _FAILED = 3
 """Exit status if a robot got into its error state or did not come to the end."""
 
@@ -28,20 +31,37 @@ def add(commands: Any) -> None:
         "Exit status 3 if a robot got into its error state or did not come to the end.",
         "  mp2a drive dance.txt                                      ideal HUSKYs, prints commands\n"
         "  mp2a drive dance.txt --robots robots.toml --adapter simulator --record results/drive\n"
+        "  mp2a drive dance.txt --robots robots.toml --recording results/drive  what would be sent on what was seen\n"
         "  mpirun -n 4 mp2a drive dance.txt --robots robots.toml     a rank a robot, by the file's adapter\n"
         "  mpirun -n 4 mp2a drive dance.txt --robots robots.toml --armed\n"
         "  mp2a drive dance.txt --robots robots.toml --role R1 --armed    on each robot, without MPI between them",
     )
     parser.add_argument("scenario", type=Path, metavar="SCENARIO", help="a choreography; see mp2a check")
     parser.add_argument("--robots", default="husky", help="a robots file (.toml), a model for all, or ROLE=MODEL,…")
-    parser.add_argument("--adapter", choices=ADAPTERS, help="what the robots are (default: the file's, else dry)")
+    parser.add_argument(
+        "--adapter", choices=tuple(ADAPTERS), help="what the robots are (default: the file's, else dry)"
+    )
     parser.add_argument("--armed", action="store_true", help="send commands to real robots")
     parser.add_argument("--role", help="drive this robot alone, and start with the others over ROS topics")
     parser.add_argument("--max-speed", type=positive_number, metavar="V", help="v_max, m/s (default: slowest robot's)")
     parser.add_argument(
         "--longest", type=positive_number, metavar="S", default=3600.0, help="end after S s in any case"
     )
-    parser.add_argument("--record", type=Path, metavar="DIR", help="write ROLE.csv of every tick")
+    parser.add_argument("--record", type=Path, metavar="DIR", help="write ROLE.csv and a bag of every tick")
+    parser.add_argument(
+        "--bag",
+        choices=_BAGS,
+        help="with --record: rosbag2 in MCAP (for Foxglove), rosbag2 in SQLite, rosbag, or no bag (default: mcap)",
+    )
+    parser.add_argument(
+        "--recording", type=Path, metavar="PATH", help="robots out of this bag, or folder of bags: adapter recording"
+    )
+    parser.add_argument(
+        "--begin",
+        type=positive_number,
+        metavar="S",
+        help="begin S s into the recording (default: as soon as it has pose and odometry)",
+    )
     parser.add_argument("--quiet", action="store_true", help="do not print commands")
 
 
@@ -81,15 +101,44 @@ def _drive_as(options: argparse.Namespace, comm: "MPI.Comm | None") -> int:
     scenario = parse(text)
     found = _robots(options, scenario.robots)
     roles = fleet.roles_of_this_process(scenario, found.adapter, options.role, comm)
-    if options.armed and found.adapter not in fleet.REAL:
-        raise InputError(f"--armed: got adapter {found.adapter}, expected one of {', '.join(fleet.REAL)}")
-    drivers, pace = fleet.build(scenario, found, roles, comm, armed=options.armed, max_speed=options.max_speed)
-    good = run(drivers, pace, options.longest, None if options.quiet else _Printer(found, options.armed).tell)
-    if options.record is not None:
-        options.record.mkdir(parents=True, exist_ok=True)
-        for driver in drivers:
-            driver.save(options.record / f"{driver.role}.csv")
+    if options.armed and found.adapter not in REAL:
+        raise InputError(f"--armed: got adapter {found.adapter}, expected one of {', '.join(REAL)}")
+    recorder, lost = _recorder(options, found, roles), ""
+    try:
+        crew = fleet.build(scenario, found, roles, comm, armed=options.armed, max_speed=options.max_speed)
+        printer = None if options.quiet else _Printer(found, options.armed)
+
+        def tell(driver: Any, step: Any) -> None:
+            if printer is not None:
+                printer.tell(driver, step)
+            if recorder is not None:
+                recorder.add(driver.role, crew.epochs[driver.role] + round(1e9 * step.time), step)
+
+        good = run(crew.drivers, crew.pace, options.longest, tell)
+    finally:
+        if recorder is not None:
+            lost = recorder.close()
+    for line in crew.report(good):
+        print(line, flush=True)
+    if lost:  # no exception: under mpirun it would end robots that still drive
+        print(f"mp2a: --record: {lost}", file=sys.stderr, flush=True)
+        return _WRONG
     return 0 if good else _FAILED
+
+
+def _recorder(options: argparse.Namespace, found: Any, roles: Any) -> Any:
+    """Start what writes the record, if there is to be one."""
+    if options.record is None:
+        if options.bag is not None:
+            raise InputError(f"--bag: got {options.bag} without --record, expected --record DIR as well")
+        return None
+    from mp2a.robots.recorder import Orders, Recorder
+
+    real = found.adapter in REAL
+    unarmed = ", not armed: commands are not sent" if real and not options.armed else ""
+    headline = f"starts, adapter {found.adapter}{unarmed}"
+    interfaces = {role: found.interfaces[role] for role in roles}
+    return Recorder(Orders(options.record, options.bag or _BAGS[0], interfaces, headline), wait=not real)
 
 
 def _robots(options: argparse.Namespace, roles: Any) -> Any:
@@ -104,7 +153,14 @@ def _robots(options: argparse.Namespace, roles: Any) -> Any:
         # A text of JSON is one of TOML.
         tables = [f"[robots.{json.dumps(role)}]\nmodel = {json.dumps(model)}\n" for role, model in models.items()]
         found = robots_file.parse("".join(tables), roles, "--robots")
-    return found if options.adapter is None else found._replace(adapter=options.adapter)
+    adapter = options.adapter or found.adapter
+    if options.recording is not None:
+        if options.adapter not in (None, "recording"):
+            raise InputError(f"--recording: got adapter {options.adapter}, expected recording")
+        adapter, found = "recording", found._replace(recording=options.recording)
+    if options.begin is not None and adapter != "recording":
+        raise InputError(f"--begin: got adapter {adapter}, expected recording")
+    return found._replace(adapter=adapter, begin=options.begin)
 
 
 class _Printer:
@@ -117,7 +173,7 @@ class _Printer:
         self._flags: dict[str, tuple[bool, ...]] = {}
 
     def tell(self, driver: Any, step: Any) -> None:
-        flags = (step.blocked, step.error, step.human, step.done)
+        flags = step.flags
         if step.time < self._next.get(driver.role, 0.0) and flags == self._flags.get(driver.role, flags):
             return
         self._next[driver.role], self._flags[driver.role] = step.time + 0.5, flags

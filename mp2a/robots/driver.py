@@ -1,41 +1,18 @@
 """One robot's loop: sense, decide, shape the command, send it."""
 
-import csv
 from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from mp2a.formation.choreography.places import compose
 from mp2a.robots import limits, slip, sound
-from mp2a.robots.interface import Pace, Robot, Sensed
+from mp2a.robots.interface import NO_POSE, Pace, Robot, Sensed
 from mp2a.robots.planner import Decision, Planner, origin_of
+from mp2a.robots.steps import Step
 from mp2a.robots.table import RobotInterface
 from mp2a.spatial import Array
 
 _ZERO = np.zeros(2)
-
-
-class Step(NamedTuple):
-    """What happened at one tick, for records and for who watches."""
-
-    time: float
-    """s since the start."""
-    pose: Array
-    """``(3,)`` in the planner's ground frame, m and rad."""
-    leader: Array
-    """``(2,)`` m: the point whose path it is to follow."""
-    twist: Array
-    """``(2,)`` measured."""
-    command: Array
-    """``(2,)`` sent."""
-    share: float
-    """Of a commanded turn that is taken to be left after slip."""
-    blocked: bool
-    error: bool
-    human: bool
-    done: bool
 
 
 class Driver:
@@ -52,8 +29,8 @@ class Driver:
     planner
         Decides.
     in_place
-        Whether the robot stands at its place when this is built, and its fixed frame may lie anywhere; else its fixed
-        frame is the planner's ground frame.
+        Whether the robot stands at its place at the first tick at which its pose is known, and its fixed frame may lie
+        anywhere; else its fixed frame is the planner's ground frame.
     """
 
     def __init__(
@@ -64,33 +41,31 @@ class Driver:
         model = interface.model
         self._fastest = np.array([model.max_speed, model.max_turn_rate])
         self._most = np.array([model.max_acceleration, model.max_turn_acceleration])
-        self._in_place = in_place
-        self._origin: Array = np.zeros(3)
+        self._place = planner.place()
+        self._origin: Array | None = None if in_place else np.zeros(3)
         self._sent: Array = _ZERO
         self._slip = slip.NO_SLIP_SEEN
         self._sound = sound.CLEAR
-        self.steps: list[Step] = []
-
-    def begin(self) -> None:
-        """Take the present pose for the place at the start, if that is how the frames are tied."""
-        if self._in_place:
-            self._origin = origin_of(self._planner.place(), self.robot.sense().pose)
 
     def tick(self, t: float) -> Step:
         """Sense, decide and send, at ``t`` s after the start."""
-        sensed = self.robot.sense()
-        sensed = sensed._replace(pose=compose(self._origin, sensed.pose))
+        known = self.robot.sense()
+        if known.points is not None:
+            # As a PointCloud2 holds them: a record then has to the bit what the planner saw.
+            known = known._replace(points=known.points.astype(np.float32))
+        if self._origin is None and np.isfinite(known.pose).all():
+            self._origin = origin_of(self._place, known.pose)
+        sensed = known._replace(pose=NO_POSE if self._origin is None else compose(self._origin, known.pose))
         decision = self._planner.decide(t, sensed._replace(twist=np.nan_to_num(sensed.twist)))
         command = self._shape(sensed, decision)
         self.robot.send(command)
         self._sent = command
         self._make_sound(t, decision.blocked and not sensed.human)
-        step = Step(
-            t, sensed.pose, self._planner.leader(), sensed.twist, command, slip.share(self._slip, sensed.twist[0]),
-            decision.blocked, decision.error, sensed.human, decision.done,
+        share = slip.share(self._slip, sensed.twist[0])
+        return Step(
+            t, known, sensed.pose, self._planner.leader(), command, share,
+            decision.blocked, decision.error, decision.done,
         )  # fmt: skip
-        self.steps.append(step)
-        return step
 
     def _shape(self, sensed: Sensed, decision: Decision) -> Array:
         """Make up for slip, keep to the limits; what has to stop stops at once."""
@@ -114,23 +89,6 @@ class Driver:
         if self._sound.beep:
             self.robot.warn(None)
 
-    def save(self, path: Path) -> None:
-        """Write all ticks as CSV: time, pose, its leader, measured and sent speeds, share of a turn, flags."""
-        with path.open("w", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(COLUMNS)
-            for step in self.steps:
-                flags = [int(flag) for flag in (step.blocked, step.error, step.human)]
-                numbers = (step.time, *step.pose, *step.leader, *step.twist, *step.command, step.share)
-                writer.writerow([*(f"{number:.6g}" for number in numbers), *flags])
-
-
-COLUMNS = (
-    "time", "x", "y", "heading", "leader_x", "leader_y", "speed", "turn_rate", "linear_x", "angular_z",
-    "share", "blocked", "error", "human",
-)  # fmt: skip
-"""Of a record: s, m and rad in the ground frame, m/s, rad/s; flags are 0 or 1."""
-
 
 def run(
     drivers: Sequence[Driver], pace: Pace, longest: float, tell: Callable[[Driver, Step], None] | None = None
@@ -146,7 +104,7 @@ def run(
     longest
         s after the start at which to end in any case.
     tell
-        Called with every tick of every driver.
+        Called with every tick of every driver, which must not wait: the robots would.
 
     Returns
     -------
@@ -157,8 +115,6 @@ def run(
     -----
     Robots are closed, and so stopped, however this ends.
     """
-    for driver in drivers:
-        driver.begin()
     over = good = False
     try:
         while pace.now() < 0:

@@ -1,30 +1,37 @@
 """Robots of a scenario, made ready in the processes that drive them."""
 
 import time
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
-import numpy as np
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.choreography.scenario import Scenario
-from mp2a.robots.channel import Channel, MpiChannel, agree
+from mp2a.robots.adapters import ADAPTERS, EPOCH, Made, Order
+from mp2a.robots.channel import MpiChannel, agree
 from mp2a.robots.driver import Driver
-from mp2a.robots.dry import DryRobot, VirtualPace
-from mp2a.robots.interface import Pace, Robot
+from mp2a.robots.interface import Pace
 from mp2a.robots.pace import Ticker
 from mp2a.robots.planner import ChoreographyPlanner
 from mp2a.robots.ready import wait_until_ready
 from mp2a.robots.robots_file import RobotsFile
 from mp2a.robots.start import Start
-from mp2a.robots.table import RobotInterface
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-REAL = ("ros1", "ros2")
-"""Adapters whose time is real."""
+
+class Crew(NamedTuple):
+    """Robots that are ready to drive."""
+
+    drivers: list[Driver]
+    """One for each robot of this process."""
+    pace: Pace
+    """Whose time 0 is the start."""
+    epochs: Mapping[str, int]
+    """ns by role: what records call time 0. The clock's reading where time is real."""
+    report: Callable[[bool], list[str]]
+    """Lines to print when all is over, told whether all came to the end."""
 
 
 def roles_of_this_process(
@@ -43,9 +50,9 @@ def roles_of_this_process(
             raise InputError(f"--role: got {role!r}, expected one of {', '.join(roles)}")
         if comm is not None:
             raise InputError(f"--role: got {role} under mpirun, expected no role there: every rank is a robot")
-        if adapter == "simulator":
+        if not ADAPTERS[adapter].alone:
             raise InputError(
-                "--role: got the adapter simulator, expected all its robots in one process or under mpirun"
+                f"--role: got the adapter {adapter}, expected all its robots in one process or under mpirun"
             )
         return (role,)
     if comm is not None:
@@ -54,7 +61,7 @@ def roles_of_this_process(
                 f"mpirun: got {comm.size} ranks, expected {len(roles)}, one for each of {', '.join(roles)}"
             )
         return (roles[comm.rank],)
-    if adapter in REAL and len(roles) > 1:
+    if ADAPTERS[adapter].real and len(roles) > 1:
         raise InputError(f"--role: got none, expected one of {', '.join(roles)}, or mpirun -n {len(roles)}")
     return roles
 
@@ -67,7 +74,7 @@ def build(
     *,
     armed: bool = False,
     max_speed: float | None = None,
-) -> tuple[list[Driver], Pace]:
+) -> Crew:
     """Make this process' robots ready, and agree with the others when to start.
 
     Parameters
@@ -87,78 +94,46 @@ def build(
 
     Returns
     -------
-    drivers : list of Driver
-        One for each of ``roles``.
-    pace : Pace
-        Whose time 0 is the start.
+    Crew
+        A driver for each of ``roles``, and the clock.
 
     Raises
     ------
     InputError, MissingError
         If the robots do not fit the scenario, or one cannot be reached.
     """
+    adapter = ADAPTERS[found.adapter]
     rates = {found.interfaces[role].rate for role in scenario.robots}
-    if found.adapter not in REAL and len(rates) > 1:
+    if not adapter.real and len(rates) > 1:
         raise InputError(f"rate: got {', '.join(f'{rate:g}' for rate in sorted(rates))} Hz, expected one for all here")
     models = {role: found.interfaces[role].model for role in scenario.robots}
 
     def dance() -> Choreography:
         return Choreography(scenario, models, max_speed)
 
-    robots, pace = _robots(scenario, found, roles, comm, armed, dance().places())
-    in_place = found.adapter in REAL and found.origin == "in-place"
+    order = Order(scenario, found, roles, comm, armed, dance().places())
+    made = adapter.make(order)
+    in_place = adapter.own_frames and found.origin == "in-place"
     drivers = []
-    for role, robot in zip(roles, robots, strict=True):
+    for role, robot in zip(roles, made.robots, strict=True):
         planner = ChoreographyPlanner(dance(), role, robot.has_lidar)
         drivers.append(Driver(role, robot, found.interfaces[role], planner, in_place))
-    if pace is not None:
-        return drivers, pace
-    role, interface = roles[0], found.interfaces[roles[0]]
+    if made.pace is not None:
+        epochs = made.epochs or [EPOCH] * len(roles)
+        return Crew(drivers, made.pace, dict(zip(roles, epochs, strict=True)), made.report)
+    pace = _start_together(order, made)
+    return Crew(drivers, pace, {roles[0]: time.time_ns() - round(1e9 * pace.now())}, made.report)
+
+
+def _start_together(order: Order, made: Made) -> Ticker:
+    """Wait until the robot is there, agree with the others when to start, and return the clock."""
+    [role], [robot] = order.roles, made.robots
     try:
-        wait_until_ready(robots[0], role)
-        start = agree(Start(role, scenario.robots), _channel(found.adapter, role, interface, comm))
+        wait_until_ready(robot, role)
+        assert made.channel is not None
+        channel = made.channel() if order.comm is None else MpiChannel(order.comm)
+        start = agree(Start(role, order.scenario.robots), channel)
     except BaseException:
-        robots[0].close()
+        robot.close()
         raise
-    return drivers, Ticker(1.0 / interface.rate, time.monotonic() + start - time.time())
-
-
-def _robots(
-    scenario: Scenario, found: RobotsFile, roles: Sequence[str], comm: "MPI.Comm | None", armed: bool,
-    places: np.ndarray,
-) -> tuple[Sequence[Robot], Pace | None]:  # fmt: skip
-    """Make robots, and their clock if it is not the real one."""
-    interfaces = found.interfaces
-    own = [scenario.robots.index(role) for role in roles]
-    period = 1.0 / interfaces[roles[0]].rate
-    if found.adapter == "dry":
-        dry = [DryRobot(interfaces[role].model, places[i]) for role, i in zip(roles, own, strict=True)]
-        return dry, VirtualPace(period, dry)
-    if found.adapter == "simulator":
-        from mp2a.robots.simulated import SimulatedPace
-        from mp2a.simulator import Simulation, World, read_world
-
-        world = World() if found.world is None else read_world(found.world)
-        simulation = Simulation(world, [interfaces[role].model for role in scenario.robots], places)
-        simulated = SimulatedPace(simulation, period, own, comm)
-        return simulated.robots, simulated
-    role = roles[0]
-    if found.adapter == "ros1":
-        from mp2a.robots.ros1 import Ros1Robot
-
-        return [Ros1Robot(role, interfaces[role], armed)], None
-    from mp2a.robots.ros2 import Ros2Robot
-
-    return [Ros2Robot(role, interfaces[role], armed)], None
-
-
-def _channel(adapter: str, role: str, interface: RobotInterface, comm: "MPI.Comm | None") -> Channel:
-    if comm is not None:
-        return MpiChannel(comm)
-    if adapter == "ros1":
-        from mp2a.robots.ros1 import Ros1Channel
-
-        return Ros1Channel(role, interface.ready_topic)
-    from mp2a.robots.ros2 import Ros2Channel
-
-    return Ros2Channel(interface.ready_topic)
+    return Ticker(order.period, time.monotonic() + start - time.time())

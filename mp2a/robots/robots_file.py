@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from mp2a.exceptions import InputError
 from mp2a.formation.robot_models import RobotModel
+from mp2a.robots.adapters import ADAPTERS
 from mp2a.robots.table import INTERFACES, RobotInterface
 
 if sys.version_info >= (3, 11):
@@ -15,7 +16,6 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-ADAPTERS = ("dry", "simulator", "ros1", "ros2")
 ORIGINS = ("in-place", "fixed-frame")
 _MODEL_FIELDS = {field.name: field.type for field in dataclasses.fields(RobotModel) if field.name != "name"}
 _FIELDS = {field.name: field.type for field in dataclasses.fields(RobotInterface) if field.name != "model"}
@@ -34,18 +34,24 @@ class RobotsFile(NamedTuple):
     interfaces
         A robot by role.
     adapter
-        What is behind them: one of `ADAPTERS`.
+        What is behind them: one of `mp2a.robots.adapters.ADAPTERS`.
     origin
         ``in-place``: each robot stands at its place when it starts, and its own fixed frame may lie anywhere.
         ``fixed-frame``: all robots have one fixed frame, in which the virtual leader starts at the origin.
     world
         Of the simulator; None: an empty one.
+    recording
+        That is played back: a bag, or a folder with one a robot.
+    begin
+        s into it at which the scenario begins; None: as soon as pose and odometry are known.
     """
 
     interfaces: dict[str, RobotInterface]
     adapter: str = "dry"
     origin: str = "in-place"
     world: Path | None = None
+    recording: Path | None = None
+    begin: float | None = None
 
 
 def read(path: str | Path, roles: Sequence[str]) -> RobotsFile:
@@ -74,8 +80,8 @@ def read(path: str | Path, roles: Sequence[str]) -> RobotsFile:
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read as a robots file ({error})") from error
     found = parse(text, roles, str(path))
-    world = None if found.world is None else Path(path).parent / found.world
-    return found._replace(world=world)
+    world, recording = (None if at is None else Path(path).parent / at for at in (found.world, found.recording))
+    return found._replace(world=world, recording=recording)
 
 
 def parse(text: str, roles: Sequence[str], where: str = "robots") -> RobotsFile:
@@ -90,13 +96,12 @@ def parse(text: str, roles: Sequence[str], where: str = "robots") -> RobotsFile:
     common = tables.pop("all", {})
     if not isinstance(common, dict):
         raise InputError(f"{where}: all: got {common!r}, expected a table [all] of what all robots have in common")
-    adapter = _one_of(where, "adapter", tables.pop("adapter", "dry"), ADAPTERS)
+    adapter = _one_of(where, "adapter", tables.pop("adapter", "dry"), tuple(ADAPTERS))
     origin = _one_of(where, "origin", tables.pop("origin", "in-place"), ORIGINS)
-    world = tables.pop("world", None)
-    if world is not None and not isinstance(world, str):
-        raise InputError(f"{where}: world: got {world!r}, expected the path of a world file")
+    world = _path(where, "world", tables.pop("world", None), "a world file")
+    recording = _path(where, "recording", tables.pop("recording", None), "a bag, or of a folder of bags")
     if tables:
-        expected = "adapter, origin, world, [all] or [robots.ROLE]"
+        expected = "adapter, origin, world, recording, [all] or [robots.ROLE]"
         raise InputError(f"{where}: got {next(iter(tables))!r}, expected one of {expected}")
     missing = [role for role in roles if role not in robots]
     unknown = [role for role in robots if role not in roles]
@@ -104,7 +109,7 @@ def parse(text: str, roles: Sequence[str], where: str = "robots") -> RobotsFile:
         given = f"no table [robots.{missing[0]}]" if missing else f"a table for unknown role {unknown[0]!r}"
         raise InputError(f"{where}: got {given}, expected one for each of {', '.join(roles)}")
     made = {role: _interface({**common, **robots[role]}, f"{where}: robots.{role}") for role in roles}
-    return RobotsFile(made, adapter, origin, None if world is None else Path(world))
+    return RobotsFile(made, adapter, origin, world, recording)
 
 
 def _interface(entry: Mapping[str, Any], where: str) -> RobotInterface:
@@ -141,6 +146,12 @@ def within(interface: RobotInterface, namespace: str, keep: Mapping[str, Any] | 
         if value and name not in kept:
             names[name] = f"{namespace}/{value}" if name in _FRAMES else f"/{namespace}/{value.lstrip('/')}"
     return dataclasses.replace(interface, **names)
+
+
+def _path(where: str, name: str, value: Any, what: str) -> Path | None:
+    if value is not None and not isinstance(value, str):
+        raise InputError(f"{where}: {name}: got {value!r}, expected the path of {what}")
+    return None if value is None else Path(value)
 
 
 def _one_of(where: str, name: str, value: Any, allowed: Sequence[str]) -> str:
