@@ -1,7 +1,6 @@
 """Who is fastest where messages take time: one sample over emulated networks of several latencies."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,21 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
 from mp2a.exceptions import InputError
-from mp2a.plot.style import (
-    FAINT,
-    INK,
-    LOOKS,
-    Look,
-    canvas,
-    curve,
-    handle,
-    legends,
-    look,
-    robots_axis,
-    save,
-    styled,
-    target,
-)
+from mp2a.plot.style import FAINT, INK, LOOKS, Look, canvas, curve, handle, legends, look, picture, robots_axis
 
 CONTENDERS = tuple(name for name in LOOKS if name not in ("pinocchio", "serial", "relay, pipelined"))
 FEWEST = {"kogge-stone": 3, "compact": 2, "sweep": 1}
@@ -42,33 +27,24 @@ def emulated(results: Mapping[str, Any]) -> dict[float, list[Mapping[str, Any]]]
     return {latency: [runs[n] for n in sorted(runs)] for latency, runs in sorted(found.items())}
 
 
-def latency(results: Mapping[str, Any], path: str | Path) -> Path:
+def latency_figure(results: Mapping[str, Any]) -> Figure:
     """Draw the time of one sample over the number of robots, a panel a latency.
 
     Parameters
     ----------
-    results
+    results : mapping
         A results file, parsed.
-    path
-        Where the picture goes; .png, .svg or .pdf. Its folder is created.
 
     Returns
     -------
-    Path
-        The file written.
+    Figure
+        A curve carries its contender's name as gid.
 
     Raises
     ------
     InputError
-        If no run was over an emulated network, or the ending is no picture.
+        If no run was over an emulated network.
     """
-    out = target(path)
-    with styled():
-        return save(latency_figure(results), out)
-
-
-def latency_figure(results: Mapping[str, Any]) -> Figure:
-    """Make the figure `latency` writes; a curve carries its contender's name as gid."""
     panels = emulated(results)
     figure = canvas(2.4 * max(len(panels), 2) + 0.8, 3.6)
     rows = np.atleast_1d(figure.subplots(1, len(panels), sharey=True))
@@ -89,6 +65,9 @@ def latency_figure(results: Mapping[str, Any]) -> Figure:
     ]
     legends(figure, [*groups, ("for comparison", [floor])])
     return figure
+
+
+latency = picture(latency_figure)
 
 
 def _panel(axes: Axes, seconds: float, runs: list[Mapping[str, Any]]) -> None:

@@ -1,9 +1,9 @@
 """What all pictures share: colours, markers, fonts, the axis of robots, and how a picture becomes a file."""
 
 import contextlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
 
 import matplotlib
 import matplotlib.style
@@ -17,6 +17,8 @@ from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter, NullL
 
 from mp2a.exceptions import InputError
 
+Data = TypeVar("Data")
+Options = ParamSpec("Options")
 Dashes = str | tuple[float, tuple[float, ...]]  # what matplotlib takes for a line style
 
 
@@ -88,6 +90,34 @@ def look(contender: str) -> Look:
         Label, colour and marker.
     """
     return LOOKS.get(contender) or Look(contender, _SPARE[sum(contender.encode()) % len(_SPARE)], "h")
+
+
+def picture(
+    figure: Callable[Concatenate[Data, Options], Figure],
+) -> Callable[Concatenate[Data, str | Path, Options], Path]:
+    """Make a function that writes what another one draws.
+
+    Parameters
+    ----------
+    figure : Callable
+        ``figure(data, **options)``.
+
+    Returns
+    -------
+    Callable
+        ``write(data, path, **options)``, which returns the path. Its ending is .png, .svg or .pdf, anything else an
+        InputError before anything is drawn; its folder is created.
+    """
+
+    def write(data: Data, path: str | Path, /, *arguments: Options.args, **options: Options.kwargs) -> Path:
+        out = target(path)
+        with styled():
+            return save(figure(data, *arguments, **options), out)
+
+    write.__name__ = write.__qualname__ = figure.__name__.removesuffix("_figure")
+    write.__module__ = figure.__module__
+    write.__doc__ = f"Write to ``path`` (.png, .svg or .pdf) the figure of `{figure.__name__}`:\n\n{figure.__doc__}"
+    return write
 
 
 def target(path: str | Path) -> Path:

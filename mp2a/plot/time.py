@@ -1,7 +1,6 @@
 """The paper's figure 9: the time a whole trajectory takes, over the number of robots."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,10 +24,8 @@ from mp2a.plot.style import (
     handle,
     legends,
     look,
+    picture,
     robots_axis,
-    save,
-    styled,
-    target,
 )
 
 GRAINS = ("batch", "single")
@@ -203,47 +200,25 @@ def hollow_note(results: Mapping[str, Any]) -> Artist | None:
     return handle(Look(f"hollow: more ranks than {few}", INK, "o"), "none", hollow=True, markeredgewidth=1.2)
 
 
-def time(results: Mapping[str, Any], path: str | Path, *, period: float = 0.01) -> Path:
+def time_figure(results: Mapping[str, Any], period: float = 0.01) -> Figure:
     """Draw the time of the whole trajectory over the number of robots, as the paper's figure 9.
 
     Parameters
     ----------
     results : mapping
         A results file, parsed.
-    path : str or Path
-        Where the picture goes; .png, .svg or .pdf. Its folder is created.
     period : float
         Control period in seconds: below samples × period the formation is computed in real time.
 
     Returns
     -------
-    Path
-        The file written.
+    Figure
+        Two panels; every curve carries its name as gid, "measured kogge-stone" for instance.
 
     Raises
     ------
     InputError
-        For results without runs, an ending that is no picture, or a period that is no time.
-    """
-    out = target(path)
-    with styled():
-        return save(time_figure(results, period), out)
-
-
-def time_figure(results: Mapping[str, Any], period: float = 0.01) -> Figure:
-    """Make the figure `time` writes.
-
-    Parameters
-    ----------
-    results : mapping
-        A results file, parsed.
-    period : float
-        Control period in seconds.
-
-    Returns
-    -------
-    Figure
-        Two panels; every curve carries its name as gid, "measured kogge-stone" for instance.
+        For results without runs, or a period that is no time.
     """
     if not isinstance(period, int | float) or not 0 < period < np.inf:
         raise InputError(f"period: got {period!r}, expected seconds above 0")
@@ -269,6 +244,9 @@ def time_figure(results: Mapping[str, Any], period: float = 0.01) -> Figure:
     note = hollow_note(results)
     legends(figure, [*groups, ("for comparison", [*marks, real, *([note] if note else [])])])
     return figure
+
+
+time = picture(time_figure)
 
 
 def _panel(axes: Axes, results: Mapping[str, Any], grain: str, period: float) -> None:
