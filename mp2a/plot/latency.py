@@ -6,10 +6,22 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
 from mp2a.exceptions import InputError
-from mp2a.plot.style import FAINT, INK, LOOKS, Look, canvas, curve, handle, legends, look, picture, robots_axis
+from mp2a.plot.style import (
+    FAINT,
+    INK,
+    LOOKS,
+    Look,
+    canvas,
+    curve,
+    handle,
+    legends,
+    look,
+    picture,
+    robots_axis,
+    seconds_axis,
+)
 
 CONTENDERS = tuple(name for name in LOOKS if name not in ("pinocchio", "serial", "relay, pipelined"))
 FEWEST = {"kogge-stone": 3, "compact": 2, "sweep": 1}
@@ -84,9 +96,5 @@ def _panel(axes: Axes, seconds: float, runs: list[Mapping[str, Any]]) -> None:
         rounds = sets * np.ceil(np.log2(n))
         axes.plot(n, rounds * seconds, color=FAINT, linestyle=(0, (1, 1.5)), linewidth=1.0, gid=f"floor {method}")
     robots_axis(axes, largest, smallest=min(run["n"] for run in runs))
-    axes.set_yscale("log")
-    axes.yaxis.set_major_locator(LogLocator(numticks=12))
-    axes.yaxis.set_major_formatter(EngFormatter("s"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.tick_params(which="minor", left=False)
+    seconds_axis(axes)
     axes.set_title(f"latency {1e3 * seconds:g} ms", color=INK)

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import EngFormatter, FixedFormatter, FixedLocator, LogLocator, NullFormatter
+from matplotlib.ticker import EngFormatter, FixedFormatter, FixedLocator
 
 from mp2a.exceptions import InputError
-from mp2a.plot.style import FAINT, LOOKS, Look, canvas, curve, handle, legends, look, picture, robots_axis
+from mp2a.plot.style import FAINT, LOOKS, Look, canvas, curve, handle, legends, look, picture, robots_axis, seconds_axis
 
 _WIDTH, _HEIGHT = 2.75, 2.5
 _MOST_TICKS = 6
@@ -80,14 +80,10 @@ def _panel(axes: Axes, points: list[Mapping[str, Any]], names: list[str], period
         if line:
             n, seconds = np.array(line, dtype=float).T
             curve(axes, n, seconds, look(name), gid=name)
-    axes.set_yscale("log")
+    seconds_axis(axes)
     low, high = axes.get_ylim()
     if low < period < high:
         axes.axhline(period, color=FAINT, linestyle="-.", linewidth=1.2, gid="real time")
-    axes.yaxis.set_major_locator(LogLocator(numticks=12))
-    axes.yaxis.set_major_formatter(EngFormatter("s"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.tick_params(which="minor", left=False)
 
 
 def _robots(axes: Axes, largest: int) -> None:

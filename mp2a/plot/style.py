@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter, NullLocator
+from matplotlib.ticker import EngFormatter, FixedFormatter, FixedLocator, LogLocator, NullFormatter, NullLocator
 
 from mp2a.exceptions import InputError
 
@@ -205,6 +205,21 @@ def robots_axis(axes: Axes, largest: int, smallest: int = 1) -> None:
     axes.set_xlim(smallest / 1.2, largest * 1.2)
     axes.set_xlabel("number of robots n")
     axes.grid(True, which="major")
+
+
+def seconds_axis(axes: Axes) -> None:
+    """Make y times on a logarithmic scale, marked at powers of ten.
+
+    Parameters
+    ----------
+    axes : Axes
+        Whose y axis.
+    """
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(numticks=12))
+    axes.yaxis.set_major_formatter(EngFormatter("s"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.tick_params(which="minor", left=False)
 
 
 def curve(

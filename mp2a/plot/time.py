@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import EngFormatter, NullFormatter
 
 from mp2a.exceptions import InputError
 from mp2a.network import EmulatedNetwork
@@ -26,6 +26,7 @@ from mp2a.plot.style import (
     look,
     picture,
     robots_axis,
+    seconds_axis,
 )
 
 GRAINS = ("batch", "single")
@@ -270,11 +271,7 @@ def _panel(axes: Axes, results: Mapping[str, Any], grain: str, period: float) ->
         )
     axes.axhline(count * period, color=FAINT, linestyle="-.", linewidth=1.2, gid="real time")
     robots_axis(axes, max(PAPER_ROBOTS, runs(results)[-1]["n"]))
-    axes.set_yscale("log")
-    axes.yaxis.set_major_locator(LogLocator(numticks=12))
-    axes.yaxis.set_major_formatter(EngFormatter("s"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.tick_params(which="minor", left=False)
+    seconds_axis(axes)
     axes.set_title(grain_title(results, grain))
 
 
