@@ -1,6 +1,7 @@
 """What all pictures share: colours, markers, fonts, the axis of robots, and how a picture becomes a file."""
 
 import contextlib
+import inspect
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
@@ -35,7 +36,7 @@ FAINT = "#8a8a8a"
 LOOKS = {
     "kogge-stone": Look("kogge-stone (MP²A)", "#0072B2", "o"),
     "compact": Look("compact", "#56B4E9", "p"),
-    "sweep": Look("sweep", "#000000", "X"),
+    "sweep": Look("sweep", "#000000", ">"),
     "relay": Look("relay, hop by hop", "#D55E00", "s"),
     "relay, pipelined": Look("relay, samples in 16 blocks", "#E69F00", "s"),
     "centre": Look("centre, each robot directly", "#009E73", "D"),
@@ -116,7 +117,10 @@ def picture(
 
     write.__name__ = write.__qualname__ = figure.__name__.removesuffix("_figure")
     write.__module__ = figure.__module__
-    write.__doc__ = f"Write to ``path`` (.png, .svg or .pdf) the figure of `{figure.__name__}`:\n\n{figure.__doc__}"
+    told = (
+        "Write a figure to ``path`` (.png, .svg or .pdf; its folder is created), and return the path.\n\nThe figure is"
+    )
+    write.__doc__ = f"{told} what `{figure.__name__}` makes:\n\n{inspect.getdoc(figure)}"
     return write
 
 
@@ -219,7 +223,7 @@ def seconds_axis(axes: Axes) -> None:
     axes.yaxis.set_major_locator(LogLocator(numticks=12))
     axes.yaxis.set_major_formatter(EngFormatter("s"))
     axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.tick_params(which="minor", left=False)
+    axes.tick_params(axis="y", which="minor", size=0)
 
 
 def curve(

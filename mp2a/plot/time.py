@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import EngFormatter, NullFormatter
 
 from mp2a.exceptions import InputError
 from mp2a.network import EmulatedNetwork
@@ -233,9 +233,8 @@ def time_figure(results: Mapping[str, Any], period: float = 0.01) -> Figure:
         _panel(axes, results, grain, period)
     panels[0].set_ylabel(f"time for the whole trajectory, {count} sample{'s' * (count > 1)}")
     right = panels[1].secondary_yaxis("right", functions=(lambda t: t / count, lambda t: t * count))
-    right.yaxis.set_major_formatter(EngFormatter("s"))
-    right.yaxis.set_minor_formatter(NullFormatter())
-    right.tick_params(which="minor", right=False)
+    seconds_axis(right)
+    _grid_of(right, panels[1], count)
     right.set_ylabel("time per sample")
     groups = [(_TITLES[s], [handle(_shape(s, who), _LINES[s]) for who in found[s]]) for s in SOURCES]
     scaled = "" if count == PAPER_SAMPLES else f", for {count} of its {PAPER_SAMPLES} samples"
@@ -273,6 +272,16 @@ def _panel(axes: Axes, results: Mapping[str, Any], grain: str, period: float) ->
     robots_axis(axes, max(PAPER_ROBOTS, runs(results)[-1]["n"]))
     seconds_axis(axes)
     axes.set_title(grain_title(results, grain))
+
+
+def _grid_of(right: Axes, axes: Axes, count: int) -> None:
+    """Move a panel's horizontal grid to the labels on its right, seconds of a sample."""
+    axes.grid(False, axis="y")
+    axes.tick_params(axis="y", left=False)
+    low, high = axes.get_ylim()
+    for place in right.get_yticks() * count:
+        if low < place < high:
+            axes.axhline(place, color=rcParams["grid.color"], linewidth=rcParams["grid.linewidth"], zorder=0.5)
 
 
 def _shape(source: str, contender: str) -> Look:
