@@ -117,10 +117,8 @@ def picture(
 
     write.__name__ = write.__qualname__ = figure.__name__.removesuffix("_figure")
     write.__module__ = figure.__module__
-    told = (
-        "Write a figure to ``path`` (.png, .svg or .pdf; its folder is created), and return the path.\n\nThe figure is"
-    )
-    write.__doc__ = f"{told} what `{figure.__name__}` makes:\n\n{inspect.getdoc(figure)}"
+    told = f"Write what `{figure.__name__}` makes to ``path`` (.png, .svg or .pdf; its folder is created); return the path."
+    write.__doc__ = f"{told}\n\n{inspect.getdoc(figure)}"
     return write
 
 
