@@ -117,7 +117,7 @@ def picture(
 
     write.__name__ = write.__qualname__ = figure.__name__.removesuffix("_figure")
     write.__module__ = figure.__module__
-    told = f"Write what `{figure.__name__}` makes to ``path`` (.png, .svg or .pdf; its folder is created); return the path."
+    told = f"Write what `{figure.__name__}` makes to ``path`` (.png, .svg or .pdf; its folder is created)."
     write.__doc__ = f"{told}\n\n{inspect.getdoc(figure)}"
     return write
 
