@@ -72,8 +72,10 @@ def timer_slack(nanoseconds: int) -> int:
 
 
 def settle() -> None:
-    """Make this rank's sleeps exact again after a start with `mp2a.launch`; for right after MPI_Init."""
-    timer_slack(USUAL_SLACK)
+    """Make this thread's sleeps exact again after a start with `mp2a.launch`; for after MPI_Init."""
+    prctl = _prctl()
+    if prctl is not None and prctl(_PR_GET_TIMERSLACK, 0) > USUAL_SLACK:
+        timer_slack(USUAL_SLACK)
 
 
 @cache

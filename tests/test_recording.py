@@ -4,9 +4,11 @@ import dataclasses
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+from foxglove.messages import LogLevel
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -121,6 +123,9 @@ def test_mcap_holds_the_same(tmp_path, monkeypatch):
     sizes = [(entity.cubes[0].size.x, entity.cubes[0].size.y) for entity in robots.entities]
     assert_allclose(sizes, [(m.length, m.width) for m in RECORDING.models])
     assert all(entity.frame_locked for entity in robots.entities)
+    for entity, model in zip(robots.entities, RECORDING.models, strict=True):
+        [front] = entity.arrows
+        assert_allclose(front.pose.position.x + front.shaft_length + front.head_length, model.length / 2)
     [(_, _, world)] = topics["/world"]
     corners = [[(p.x, p.y) for p in line.points] for line in world.entities[0].lines]
     for mine, read in zip(WORLD.lines, corners, strict=True):
@@ -136,6 +141,36 @@ def test_mcap_holds_the_same(tmp_path, monkeypatch):
     assert "commanded_speed" not in told[-1]
     assert_allclose([row["speed"] for row in told], RECORDING.twists[:, 0, 0])
     assert [decoded.message for _, _, decoded in topics["/events"]] == [event.text for event in RECORDING.events]
+
+
+def test_the_end_of_a_state_is_no_warning(tmp_path):
+    texts = ["is far behind and catches up", "has caught up", "stops: something is in its way", "goes on", "met a wall"]
+    events = tuple(Event(0.1 * k, 0, (0.0, 0.0), f"robot 1 {text}") for k, text in enumerate(texts))
+    path = dataclasses.replace(record(1, 0.5), events=events).save(tmp_path / "run.mcap")
+    with path.open("rb") as file:
+        told = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages(topics=["/events"])
+        levels = [message.level for _, _, _, message in told]
+    warning, info = int(LogLevel.Warning), int(LogLevel.Info)
+    assert levels == [warning, info, warning, info, warning]
+
+
+def test_the_layout_asks_for_what_is_recorded(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys.modules[__name__], "DecoderFactory", PlainJson)
+    led = dataclasses.replace(RECORDING, leaders=np.zeros_like(RECORDING.poses))
+    topics = read_mcap(led.save(tmp_path / "run.mcap"))
+    layout = json.loads((Path(__file__).parents[1] / "examples" / "foxglove.json").read_text())
+    asked = 0
+    for name, panel in layout["configById"].items():
+        assert f'"{name}"' in json.dumps(layout["layout"])
+        if name.startswith("3D"):
+            assert panel["followTf"] == topics["/tf"][0][2].transforms[0].parent_frame_id
+            assert set(panel["topics"]) == {"/world", "/robots", "/robot_1/points", "/robot_2/points"} <= set(topics)
+        for path in panel.get("paths", []):
+            topic, field = path["value"].split(".")
+            assert any(field in decoded for _, _, decoded in topics[topic]), path
+            asked += 1
+        assert panel.get("topicToRender", "/events") in topics
+    assert asked == 8
 
 
 def test_without_foxglove_the_error_says_how_to_get_it(tmp_path, monkeypatch):

@@ -51,7 +51,7 @@ RANK_WAIT = 10.0
 """Seconds for which a rank waits for the one that builds. It can do without: numpy's versions are right, only slow."""
 
 BUILD_LIMIT = 120.0
-"""Seconds after which a build has failed. Usually it takes one or two."""
+"""Seconds after which a build has failed. On two cores it takes about ten."""
 
 CPU_FEATURES = "MP2A_CPU_FEATURES"
 """Environment variable with changes to the processor's features, in LLVM's words: ``-avx512f`` for kernels as a

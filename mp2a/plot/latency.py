@@ -1,13 +1,11 @@
 """Who is fastest where messages take time: one sample over emulated networks of several latencies."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
 from mp2a.exceptions import InputError
 from mp2a.plot.style import (
@@ -20,10 +18,9 @@ from mp2a.plot.style import (
     handle,
     legends,
     look,
+    picture,
     robots_axis,
-    save,
-    styled,
-    target,
+    seconds_axis,
 )
 
 CONTENDERS = tuple(name for name in LOOKS if name not in ("pinocchio", "serial", "relay, pipelined"))
@@ -42,33 +39,24 @@ def emulated(results: Mapping[str, Any]) -> dict[float, list[Mapping[str, Any]]]
     return {latency: [runs[n] for n in sorted(runs)] for latency, runs in sorted(found.items())}
 
 
-def latency(results: Mapping[str, Any], path: str | Path) -> Path:
+def latency_figure(results: Mapping[str, Any]) -> Figure:
     """Draw the time of one sample over the number of robots, a panel a latency.
 
     Parameters
     ----------
-    results
+    results : mapping
         A results file, parsed.
-    path
-        Where the picture goes; .png, .svg or .pdf. Its folder is created.
 
     Returns
     -------
-    Path
-        The file written.
+    Figure
+        A curve carries its contender's name as gid.
 
     Raises
     ------
     InputError
-        If no run was over an emulated network, or the ending is no picture.
+        If no run was over an emulated network.
     """
-    out = target(path)
-    with styled():
-        return save(latency_figure(results), out)
-
-
-def latency_figure(results: Mapping[str, Any]) -> Figure:
-    """Make the figure `latency` writes; a curve carries its contender's name as gid."""
     panels = emulated(results)
     figure = canvas(2.4 * max(len(panels), 2) + 0.8, 3.6)
     rows = np.atleast_1d(figure.subplots(1, len(panels), sharey=True))
@@ -91,6 +79,9 @@ def latency_figure(results: Mapping[str, Any]) -> Figure:
     return figure
 
 
+latency = picture(latency_figure)
+
+
 def _panel(axes: Axes, seconds: float, runs: list[Mapping[str, Any]]) -> None:
     for contender in CONTENDERS:
         points = [
@@ -105,9 +96,5 @@ def _panel(axes: Axes, seconds: float, runs: list[Mapping[str, Any]]) -> None:
         rounds = sets * np.ceil(np.log2(n))
         axes.plot(n, rounds * seconds, color=FAINT, linestyle=(0, (1, 1.5)), linewidth=1.0, gid=f"floor {method}")
     robots_axis(axes, largest, smallest=min(run["n"] for run in runs))
-    axes.set_yscale("log")
-    axes.yaxis.set_major_locator(LogLocator(numticks=12))
-    axes.yaxis.set_major_formatter(EngFormatter("s"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.tick_params(which="minor", left=False)
+    seconds_axis(axes)
     axes.set_title(f"latency {1e3 * seconds:g} ms", color=INK)

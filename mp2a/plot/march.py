@@ -1,7 +1,6 @@
 """The paths of a march over its world, with the robots as they stood on the way."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from mp2a.exceptions import InputError
-from mp2a.plot.style import FAINT, INK, canvas, legends, save, styled, target
+from mp2a.plot.style import FAINT, INK, canvas, legends, picture
 from mp2a.simulator.observation import Event
 from mp2a.simulator.recording import Recording
 from mp2a.simulator.world import World, rectangles
@@ -49,33 +48,8 @@ class View(NamedTuple):
     top: float
 
 
-def march(recording: Recording, path: str | Path) -> Path:
-    """Draw the paths of all robots over the world, with their outlines at equal times from start to end.
-
-    Parameters
-    ----------
-    recording : Recording
-        A run.
-    path : str or Path
-        Where the picture goes; .png, .svg or .pdf. Its folder is created.
-
-    Returns
-    -------
-    Path
-        The file written.
-
-    Raises
-    ------
-    InputError
-        For a recording of fewer than two times, or an ending that is no picture.
-    """
-    out = target(path)
-    with styled():
-        return save(march_figure(recording), out)
-
-
 def march_figure(recording: Recording) -> Figure:
-    """Make the figure `march` writes.
+    """Draw the paths of all robots over the world, with their outlines at equal times from start to end.
 
     Parameters
     ----------
@@ -86,6 +60,11 @@ def march_figure(recording: Recording) -> Figure:
     -------
     Figure
         One panel; path i carries the gid ``path i``, counted from 1.
+
+    Raises
+    ------
+    InputError
+        For a recording of fewer than two times.
     """
     check(recording)
     figure, axes = ground(recording)
@@ -117,6 +96,9 @@ def march_figure(recording: Recording) -> Figure:
         shades.append(Line2D([], [], **EVENT, label="collision or other event"))
     legends(figure, [("robot", robot_handles(n)), ("outline", shades)])
     return figure
+
+
+march = picture(march_figure)
 
 
 def ground(recording: Recording) -> tuple[Figure, Axes]:

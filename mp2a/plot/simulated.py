@@ -1,50 +1,22 @@
 """Formations beyond this machine: simulated times over the number of robots, a panel a network."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import EngFormatter, FixedFormatter, FixedLocator, LogLocator, NullFormatter
+from matplotlib.ticker import EngFormatter, FixedFormatter, FixedLocator
 
 from mp2a.exceptions import InputError
-from mp2a.plot.style import FAINT, LOOKS, Look, canvas, curve, handle, legends, look, robots_axis, save, styled, target
+from mp2a.plot.style import FAINT, LOOKS, Look, canvas, curve, handle, legends, look, picture, robots_axis, seconds_axis
 
 _WIDTH, _HEIGHT = 2.75, 2.5
 _MOST_TICKS = 6
 
 
-def simulated(results: Mapping[str, Any], path: str | Path, *, period: float = 0.01) -> Path:
-    """Draw simulated times over the number of robots.
-
-    Parameters
-    ----------
-    results : mapping
-        A file of simulated times, parsed.
-    path : str or Path
-        Where the picture goes; .png, .svg or .pdf. Its folder is created.
-    period : float
-        Control period in seconds.
-
-    Returns
-    -------
-    Path
-        The file written.
-
-    Raises
-    ------
-    InputError
-        For a file without times, or an ending that is no picture.
-    """
-    out = target(path)
-    with styled():
-        return save(simulated_figure(results, period), out)
-
-
 def simulated_figure(results: Mapping[str, Any], period: float = 0.01) -> Figure:
-    """Make the figure `simulated` writes.
+    """Draw simulated times over the number of robots.
 
     Parameters
     ----------
@@ -57,6 +29,11 @@ def simulated_figure(results: Mapping[str, Any], period: float = 0.01) -> Figure
     -------
     Figure
         A column a network, a row a number of samples; a curve carries its contender's name as gid.
+
+    Raises
+    ------
+    InputError
+        For a file without times.
     """
     points = results.get("points") if isinstance(results, Mapping) else None
     if not points:
@@ -94,20 +71,19 @@ def simulated_figure(results: Mapping[str, Any], period: float = 0.01) -> Figure
     return figure
 
 
+simulated = picture(simulated_figure)
+
+
 def _panel(axes: Axes, points: list[Mapping[str, Any]], names: list[str], period: float) -> None:
     for name in names:
         line = sorted((p["n"], p["seconds"]) for p in points if p["contender"] == name)
         if line:
             n, seconds = np.array(line, dtype=float).T
             curve(axes, n, seconds, look(name), gid=name)
-    axes.set_yscale("log")
+    seconds_axis(axes)
     low, high = axes.get_ylim()
     if low < period < high:
         axes.axhline(period, color=FAINT, linestyle="-.", linewidth=1.2, gid="real time")
-    axes.yaxis.set_major_locator(LogLocator(numticks=12))
-    axes.yaxis.set_major_formatter(EngFormatter("s"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.tick_params(which="minor", left=False)
 
 
 def _robots(axes: Axes, largest: int) -> None:

@@ -1,6 +1,5 @@
 """Commanded speeds and distances between neighbours over time: the thesis' figures 7.5 and 7.7."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from mp2a.plot.march import FEW, check, robot_colors, robot_handles, title
-from mp2a.plot.style import FAINT, INK, canvas, legends, save, styled, target
+from mp2a.plot.style import FAINT, INK, canvas, legends, picture
 from mp2a.simulator.recording import Recording
 from mp2a.spatial import Array
 
@@ -17,33 +16,8 @@ _WANTED: dict[str, Any] = {"linestyle": (0, (5, 2)), "linewidth": 0.7}
 _DRIVEN_TOO = 3  # so many robots' real speeds fit in beside the commanded ones
 
 
-def speeds(recording: Recording, path: str | Path) -> Path:
-    """Draw commanded speeds, turn rates and distances between neighbours over time.
-
-    Parameters
-    ----------
-    recording : Recording
-        A run.
-    path : str or Path
-        Where the picture goes; .png, .svg or .pdf. Its folder is created.
-
-    Returns
-    -------
-    Path
-        The file written.
-
-    Raises
-    ------
-    InputError
-        For a recording of fewer than two times, or an ending that is no picture.
-    """
-    out = target(path)
-    with styled():
-        return save(speeds_figure(recording), out)
-
-
 def speeds_figure(recording: Recording) -> Figure:
-    """Make the figure `speeds` writes.
+    """Draw commanded speeds, turn rates and distances between neighbours over time.
 
     Parameters
     ----------
@@ -54,8 +28,13 @@ def speeds_figure(recording: Recording) -> Figure:
     -------
     Figure
         Panels for speed, turn rate, with more than one robot distances, and the distance to the virtual leader or the
-        setpoint where there is one; lines carry gids such as ``speed 1``,
-        ``turn rate 1`` and ``distance 1 2``, robots counted from 1.
+        setpoint where there is one; lines carry gids such as ``speed 1``, ``turn rate 1`` and ``distance 1 2``, robots
+        counted from 1.
+
+    Raises
+    ------
+    InputError
+        For a recording of fewer than two times.
     """
     check(recording)
     n = len(recording.models)
@@ -92,6 +71,9 @@ def speeds_figure(recording: Recording) -> Figure:
     figure.align_ylabels()
     legends(figure, [("robot", robot_handles(n)), ("line", _lines(n, led, bool(recording.events)))])
     return figure
+
+
+speeds = picture(speeds_figure)
 
 
 def _leaders(axes: Axes, recording: Recording, colors: list[str], thick: float) -> None:

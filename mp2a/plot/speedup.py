@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from itertools import groupby
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,11 +24,9 @@ from mp2a.plot.style import (
     handle,
     legends,
     look,
+    picture,
     robots_axis,
-    save,
     spread,
-    styled,
-    target,
 )
 from mp2a.plot.time import GRAINS, contenders, grain_title, hollow_note, runs, series
 
@@ -85,47 +82,25 @@ def speedups(
     return Speedup(n, ratio, part, ours.oversubscribed[mine])
 
 
-def speedup(results: Mapping[str, Any], path: str | Path, *, against: str = "relay") -> Path:
+def speedup_figure(results: Mapping[str, Any], against: str = "relay") -> Figure:
     """Draw the speedup over the number of robots beside Amdahl's law, as the paper's figure 10.
 
     Parameters
     ----------
     results : mapping
         A results file, parsed.
-    path : str or Path
-        Where the picture goes; .png, .svg or .pdf. Its folder is created.
     against : str
         Whose times are divided by ours: relay, centre or pinocchio.
 
     Returns
     -------
-    Path
-        The file written.
+    Figure
+        Two panels; a curve carries its name as gid: "measured sweep", "extrapolated sweep", "amdahl 0.97".
 
     Raises
     ------
     InputError
-        For results without runs, an ending that is no picture, or an opponent without times.
-    """
-    out = target(path)
-    with styled():
-        return save(speedup_figure(results, against), out)
-
-
-def speedup_figure(results: Mapping[str, Any], against: str = "relay") -> Figure:
-    """Make the figure `speedup` writes.
-
-    Parameters
-    ----------
-    results : mapping
-        A results file, parsed.
-    against : str
-        The opponent.
-
-    Returns
-    -------
-    Figure
-        Two panels; a curve carries its name as gid: "measured sweep", "extrapolated sweep", "amdahl 0.97".
+        For results without runs, or an opponent without times.
     """
     rivals = [who for who in contenders(results, "measured") if who not in OURS]
     if against not in rivals:
@@ -165,6 +140,9 @@ def speedup_figure(results: Mapping[str, Any], against: str = "relay") -> Figure
     for axes in panels:
         _keep_apart(axes)
     return figure
+
+
+speedup = picture(speedup_figure)
 
 
 def _panel(axes: Axes, curves: Mapping[tuple[str, str], Speedup], largest: int) -> None:

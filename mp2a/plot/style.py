@@ -1,9 +1,10 @@
 """What all pictures share: colours, markers, fonts, the axis of robots, and how a picture becomes a file."""
 
 import contextlib
-from collections.abc import Iterable, Iterator, Sequence
+import inspect
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
 
 import matplotlib
 import matplotlib.style
@@ -13,10 +14,12 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter, NullLocator
+from matplotlib.ticker import EngFormatter, FixedFormatter, FixedLocator, LogLocator, NullFormatter, NullLocator
 
 from mp2a.exceptions import InputError
 
+Data = TypeVar("Data")
+Options = ParamSpec("Options")
 Dashes = str | tuple[float, tuple[float, ...]]  # what matplotlib takes for a line style
 
 
@@ -33,7 +36,7 @@ FAINT = "#8a8a8a"
 LOOKS = {
     "kogge-stone": Look("kogge-stone (MP²A)", "#0072B2", "o"),
     "compact": Look("compact", "#56B4E9", "p"),
-    "sweep": Look("sweep", "#000000", "X"),
+    "sweep": Look("sweep", "#000000", ">"),
     "relay": Look("relay, hop by hop", "#D55E00", "s"),
     "relay, pipelined": Look("relay, samples in 16 blocks", "#E69F00", "s"),
     "centre": Look("centre, each robot directly", "#009E73", "D"),
@@ -88,6 +91,35 @@ def look(contender: str) -> Look:
         Label, colour and marker.
     """
     return LOOKS.get(contender) or Look(contender, _SPARE[sum(contender.encode()) % len(_SPARE)], "h")
+
+
+def picture(
+    figure: Callable[Concatenate[Data, Options], Figure],
+) -> Callable[Concatenate[Data, str | Path, Options], Path]:
+    """Make a function that writes what another one draws.
+
+    Parameters
+    ----------
+    figure : Callable
+        ``figure(data, **options)``.
+
+    Returns
+    -------
+    Callable
+        ``write(data, path, **options)``, which returns the path. Its ending is .png, .svg or .pdf, anything else an
+        InputError before anything is drawn; its folder is created.
+    """
+
+    def write(data: Data, path: str | Path, /, *arguments: Options.args, **options: Options.kwargs) -> Path:
+        out = target(path)
+        with styled():
+            return save(figure(data, *arguments, **options), out)
+
+    write.__name__ = write.__qualname__ = figure.__name__.removesuffix("_figure")
+    write.__module__ = figure.__module__
+    told = f"Write what `{figure.__name__}` makes to ``path`` (.png, .svg or .pdf; its folder is created)."
+    write.__doc__ = f"{told}\n\n{inspect.getdoc(figure)}"
+    return write
 
 
 def target(path: str | Path) -> Path:
@@ -175,6 +207,21 @@ def robots_axis(axes: Axes, largest: int, smallest: int = 1) -> None:
     axes.set_xlim(smallest / 1.2, largest * 1.2)
     axes.set_xlabel("number of robots n")
     axes.grid(True, which="major")
+
+
+def seconds_axis(axes: Axes) -> None:
+    """Make y times on a logarithmic scale, marked at powers of ten.
+
+    Parameters
+    ----------
+    axes : Axes
+        Whose y axis.
+    """
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(numticks=12))
+    axes.yaxis.set_major_formatter(EngFormatter("s"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.tick_params(axis="y", which="minor", size=0)
 
 
 def curve(

@@ -1,14 +1,13 @@
 """The paper's figure 9: the time a whole trajectory takes, over the number of robots."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
 from mp2a.exceptions import InputError
 from mp2a.network import EmulatedNetwork
@@ -25,10 +24,9 @@ from mp2a.plot.style import (
     handle,
     legends,
     look,
+    picture,
     robots_axis,
-    save,
-    styled,
-    target,
+    seconds_axis,
 )
 
 GRAINS = ("batch", "single")
@@ -203,47 +201,25 @@ def hollow_note(results: Mapping[str, Any]) -> Artist | None:
     return handle(Look(f"hollow: more ranks than {few}", INK, "o"), "none", hollow=True, markeredgewidth=1.2)
 
 
-def time(results: Mapping[str, Any], path: str | Path, *, period: float = 0.01) -> Path:
+def time_figure(results: Mapping[str, Any], period: float = 0.01) -> Figure:
     """Draw the time of the whole trajectory over the number of robots, as the paper's figure 9.
 
     Parameters
     ----------
     results : mapping
         A results file, parsed.
-    path : str or Path
-        Where the picture goes; .png, .svg or .pdf. Its folder is created.
     period : float
         Control period in seconds: below samples × period the formation is computed in real time.
 
     Returns
     -------
-    Path
-        The file written.
+    Figure
+        Two panels; every curve carries its name as gid, "measured kogge-stone" for instance.
 
     Raises
     ------
     InputError
-        For results without runs, an ending that is no picture, or a period that is no time.
-    """
-    out = target(path)
-    with styled():
-        return save(time_figure(results, period), out)
-
-
-def time_figure(results: Mapping[str, Any], period: float = 0.01) -> Figure:
-    """Make the figure `time` writes.
-
-    Parameters
-    ----------
-    results : mapping
-        A results file, parsed.
-    period : float
-        Control period in seconds.
-
-    Returns
-    -------
-    Figure
-        Two panels; every curve carries its name as gid, "measured kogge-stone" for instance.
+        For results without runs, or a period that is no time.
     """
     if not isinstance(period, int | float) or not 0 < period < np.inf:
         raise InputError(f"period: got {period!r}, expected seconds above 0")
@@ -257,9 +233,8 @@ def time_figure(results: Mapping[str, Any], period: float = 0.01) -> Figure:
         _panel(axes, results, grain, period)
     panels[0].set_ylabel(f"time for the whole trajectory, {count} sample{'s' * (count > 1)}")
     right = panels[1].secondary_yaxis("right", functions=(lambda t: t / count, lambda t: t * count))
-    right.yaxis.set_major_formatter(EngFormatter("s"))
-    right.yaxis.set_minor_formatter(NullFormatter())
-    right.tick_params(which="minor", right=False)
+    seconds_axis(right)
+    _grid_of(right, panels[1], count)
     right.set_ylabel("time per sample")
     groups = [(_TITLES[s], [handle(_shape(s, who), _LINES[s]) for who in found[s]]) for s in SOURCES]
     scaled = "" if count == PAPER_SAMPLES else f", for {count} of its {PAPER_SAMPLES} samples"
@@ -269,6 +244,9 @@ def time_figure(results: Mapping[str, Any], period: float = 0.01) -> Figure:
     note = hollow_note(results)
     legends(figure, [*groups, ("for comparison", [*marks, real, *([note] if note else [])])])
     return figure
+
+
+time = picture(time_figure)
 
 
 def _panel(axes: Axes, results: Mapping[str, Any], grain: str, period: float) -> None:
@@ -292,12 +270,18 @@ def _panel(axes: Axes, results: Mapping[str, Any], grain: str, period: float) ->
         )
     axes.axhline(count * period, color=FAINT, linestyle="-.", linewidth=1.2, gid="real time")
     robots_axis(axes, max(PAPER_ROBOTS, runs(results)[-1]["n"]))
-    axes.set_yscale("log")
-    axes.yaxis.set_major_locator(LogLocator(numticks=12))
-    axes.yaxis.set_major_formatter(EngFormatter("s"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.tick_params(which="minor", left=False)
+    seconds_axis(axes)
     axes.set_title(grain_title(results, grain))
+
+
+def _grid_of(right: Axes, axes: Axes, count: int) -> None:
+    """Move a panel's horizontal grid to the labels on its right, seconds of a sample."""
+    axes.grid(False, axis="y")
+    axes.tick_params(axis="y", left=False)
+    low, high = axes.get_ylim()
+    for place in right.get_yticks() * count:
+        if low < place < high:
+            axes.axhline(place, color=rcParams["grid.color"], linewidth=rcParams["grid.linewidth"], zorder=0.5)
 
 
 def _shape(source: str, contender: str) -> Look:

@@ -1,7 +1,6 @@
 """The paper's figure 12: who computed, waited and sent what to whom, at the times it really happened."""
 
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, Patch
 
 from mp2a.exceptions import InputError
-from mp2a.plot.style import FAINT, INK, Dashes, Look, canvas, handle, legends, look, save, styled, target
+from mp2a.plot.style import FAINT, INK, Dashes, Look, canvas, handle, legends, look, picture
 
 RECURRENCES = {
     "velocity": "#0072B2",
@@ -127,33 +126,8 @@ def shares(found: Iterable[Span]) -> dict[str, float]:
     return {name: total[name] / whole for name in order}
 
 
-def timeline(trace: Mapping[str, Any], path: str | Path) -> Path:
-    """Draw what every robot did when, with the messages as arrows, as the paper's figure 12.
-
-    Parameters
-    ----------
-    trace : mapping
-        A trace file, parsed.
-    path : str or Path
-        Where the picture goes; .png, .svg or .pdf. Its folder is created.
-
-    Returns
-    -------
-    Path
-        The file written.
-
-    Raises
-    ------
-    InputError
-        For a trace without spans, or an ending that is no picture.
-    """
-    out = target(path)
-    with styled():
-        return save(timeline_figure(trace), out)
-
-
 def timeline_figure(trace: Mapping[str, Any]) -> Figure:
-    """Make the figure `timeline` writes.
+    """Draw what every robot did when, with the messages as arrows, as the paper's figure 12.
 
     Parameters
     ----------
@@ -164,6 +138,11 @@ def timeline_figure(trace: Mapping[str, Any]) -> Figure:
     -------
     Figure
         One row a robot, robot 1 on top.
+
+    Raises
+    ------
+    InputError
+        For a trace without spans.
     """
     found, sent = spans(trace), messages(trace)
     told = trace.get("mp2a") or {}
@@ -192,6 +171,9 @@ def timeline_figure(trace: Mapping[str, Any]) -> Figure:
     axes.set_title(_title(told, rows), loc="left")
     legends(figure, _legend(found, sent, few))
     return figure
+
+
+timeline = picture(timeline_figure)
 
 
 def _bars(axes: Axes, found: list[Span], zero: float, unit: float, few: bool) -> None:

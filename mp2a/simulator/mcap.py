@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mp2a.exceptions import MissingError
+from mp2a.simulator.observation import STATES
 from mp2a.spatial import Array
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ GROUND = "ground"
 """Name of the ground frame; robot i has the frame ``robot_i``, counted from 1."""
 
 _HEIGHT = 0.4  # m, of robots and obstacles: pictures want one, the simulation has none
+_GOOD_NEWS = tuple(ended for _, ended in STATES if ended)  # the end of a state; all else is a warning
 _MOTION = ("speed", "turn_rate", "commanded_speed", "commanded_turn_rate", "leader_distance", "wanted_distance")
 _SCHEMA = {"type": "object", "title": "Motion", "properties": {name: {"type": "number"} for name in _MOTION}}
 
@@ -70,11 +72,9 @@ def write(recording: "Recording", path: Path) -> None:
                     scans[i].log(cloud, log_time=now)
         for event in recording.events:
             now = _ns(event.time)
-            log = messages.Log(
-                timestamp=_stamp(messages, now), level=messages.LogLevel.Warning, message=event.text,
-                name=frames[event.robot],
-            )  # fmt: skip
-            events.log(log, log_time=now)
+            level = messages.LogLevel.Info if event.text.endswith(_GOOD_NEWS) else messages.LogLevel.Warning
+            stamp, name = _stamp(messages, now), frames[event.robot]
+            events.log(messages.Log(timestamp=stamp, level=level, message=event.text, name=name), log_time=now)
 
 
 def _ns(time: float) -> int:
@@ -83,6 +83,11 @@ def _ns(time: float) -> int:
 
 def _stamp(messages: Any, now: int) -> Any:
     return messages.Timestamp(sec=now // 10**9, nsec=now % 10**9)
+
+
+def _at(messages: Any, z: float, x: float = 0.0) -> Any:
+    """Pose in a frame, not turned."""
+    return messages.Pose(position=messages.Vector3(x=x, z=z), orientation=messages.Quaternion(w=1.0))
 
 
 def _transforms(messages: Any, poses: Array, frames: list[str], now: int) -> Any:
@@ -107,7 +112,7 @@ def _cloud(messages: Any, points: Any, frame: str, stamp: int) -> Any:
     return messages.PointCloud(
         timestamp=_stamp(messages, stamp),
         frame_id=frame,
-        pose=messages.Pose(position=messages.Vector3(), orientation=messages.Quaternion(w=1.0)),
+        pose=_at(messages, _HEIGHT),  # seen from above, a wall would hide what lies on the ground
         point_stride=12,
         fields=[messages.PackedElementField(name=name, offset=4 * k, type=kind) for k, name in enumerate("xyz")],
         data=flat.tobytes(),
@@ -133,24 +138,28 @@ def _robots(messages: Any, recording: "Recording", frames: list[str]) -> Any:
     entities = []
     for i, (model, frame) in enumerate(zip(recording.models, frames, strict=True)):
         body = messages.CubePrimitive(
-            pose=messages.Pose(
-                position=messages.Vector3(z=_HEIGHT / 2), orientation=messages.Quaternion(w=1.0)
-            ),
+            pose=_at(messages, _HEIGHT / 2),
             size=messages.Vector3(x=model.length, y=model.width, z=_HEIGHT),
             color=messages.Color(r=0.9, g=0.6, b=0.1, a=0.9),
-        )  # fmt: skip
+        )
+        front = messages.ArrowPrimitive(
+            pose=_at(messages, _HEIGHT, model.length / 4),
+            shaft_length=model.length / 8,
+            shaft_diameter=0.05,
+            head_length=model.length / 8,
+            head_diameter=0.15,
+            color=messages.Color(r=0.25, g=0.25, b=0.25, a=1.0),
+        )
         label = messages.TextPrimitive(
-            pose=messages.Pose(
-                position=messages.Vector3(z=1.5 * _HEIGHT), orientation=messages.Quaternion(w=1.0)
-            ),
+            pose=_at(messages, 1.5 * _HEIGHT),
             billboard=True,
             font_size=0.3,
             color=messages.Color(a=1.0),
             text=str(i + 1),
-        )  # fmt: skip
-        entities.append(
-            messages.SceneEntity(
-                timestamp=_stamp(messages, 0), frame_id=frame, id=frame, frame_locked=True, cubes=[body], texts=[label]
-            )
         )
+        robot = messages.SceneEntity(
+            timestamp=_stamp(messages, 0), frame_id=frame, id=frame, frame_locked=True, cubes=[body], arrows=[front],
+            texts=[label],
+        )  # fmt: skip
+        entities.append(robot)
     return messages.SceneUpdate(entities=entities)

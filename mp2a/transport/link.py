@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from mpi4py import MPI
 
+from mp2a.cores import settle
 from mp2a.exceptions import InputError
 from mp2a.network import EmulatedNetwork
 from mp2a.spatial import Array
@@ -75,6 +76,7 @@ class EmulatedLink:
     def __init__(self, comm: MPI.Intracomm, network: EmulatedNetwork) -> None:
         self.comm = comm
         self.network = network
+        settle()  # what comes early waits asleep, and no longer than it has to
 
     def send(self, data: Array, target: int, tag: int) -> MPI.Request:
         """See `Link`."""

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from mp2a.cores import is_oversubscribed
+from mp2a.cores import is_oversubscribed, settle
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -58,6 +58,8 @@ def wait_unless(request: "MPI.Request", hopeless: Callable[[], bool], longest_na
         if looks <= YIELDS:
             os.sched_yield()
         else:
+            if nap == _FIRST_NAP:
+                settle()  # or a rank that `mp2a.launch` started would oversleep by 10 ms
             time.sleep(nap)
             nap = min(_GROWTH * nap, most)
     return True

@@ -6,8 +6,9 @@ import numpy as np
 from _formation import COMM, RANK, SIZE, Checks
 
 import mp2a
+from mp2a.cores import USUAL_SLACK, timer_slack
 from mp2a.transport.link import make_link, measure
-from mp2a.transport.wait import wait
+from mp2a.transport.wait import wait, wait_unless
 
 check = Checks()
 for network in (mp2a.EmulatedNetwork(5e-3, 1e8), mp2a.EmulatedNetwork(0.0, 1e7), mp2a.EmulatedNetwork(1e-3, 1e12)):
@@ -31,6 +32,19 @@ check(not others or time.monotonic() - began >= 2e-3)
 check(all((boxes[rank] == rank).all() for rank in others))
 for request in sent:
     wait(request)
+
+# Ranks start with lax timers, but whoever waits for messages sleeps no longer than it means to.
+lax = 10_000_000
+timer_slack(lax)
+make_link(COMM, network)
+check(timer_slack(lax) in (0, USUAL_SLACK))
+never = COMM.Irecv(np.empty(1), RANK, 8)
+looks = iter((False, True))  # the first before it sleeps, the second after some naps
+check(not wait_unless(never, lambda: next(looks), 1e-3))
+check(timer_slack(USUAL_SLACK) in (0, USUAL_SLACK))
+never.Cancel()
+never.Wait()
+
 for wrong in (mp2a.EmulatedNetwork(-1.0, 1e9), mp2a.EmulatedNetwork(1.0, 0.0)):
     try:
         make_link(COMM, wrong)
