@@ -37,11 +37,13 @@ class RobotInterface:
     acquire, release
         Services of a mux that hands out the command topic; empty: it has none.
     pose
-        Where the pose is from: ``tf`` (ROS 1), ``odometry``, or ``stamped``, messages of their own (ROS 2).
+        Where the pose is from: ``tf``, ``odometry``, or ``stamped``, messages of their own (ROS 2).
     fixed_frame, body_frame
         Between which the pose is, m and rad.
     pose_age
         s: an older pose counts as a look-up that failed.
+    tf_topic
+        Of ROS 2: ``tf2_msgs/TFMessage``; those that do not move come on the same with ``_static`` added.
     odometry_topic
         ``nav_msgs/Odometry``; its turn rate must be measured (by a gyroscope), not made of the wheels' turns.
     pose_topic, twist_topic
@@ -72,6 +74,7 @@ class RobotInterface:
     fixed_frame: str = "map"
     body_frame: str = "base_link"
     pose_age: float = 0.3
+    tf_topic: str = "/tf"
     odometry_topic: str = "/odometry/filtered"
     pose_topic: str = "/pose"
     twist_topic: str = "/twist"
