@@ -37,6 +37,9 @@ WALL = 3.0
 """m ahead of where the robot begins."""
 
 
+TWO_NODES = "from mp2a.robots.ros2_node import Node; nodes = Node(), Node()"
+
+
 def has(*packages):
     """Whether the environment of ROS 2 has packages."""
     if not PYTHON.exists():
@@ -184,7 +187,7 @@ def test_a_robot_stops_before_a_wall_that_its_sensor_sees_askew_and_says_so(node
     seen = stops_before_the_wall(node, tmp_path, lidar="lidar")
     number, command = sound.sound_numbers(sound.TEXT)
     assert seen["sounds"][0] == [number, command, 1.0, sound.TEXT]
-    assert {tuple(one[:2]) for one in seen["sounds"][1:]} == {sound.sound_numbers(None)}
+    assert {tuple(one[:2]) for one in seen["sounds"]} <= {(number, command), sound.sound_numbers(None)}
 
 
 def test_a_robot_that_sees_no_points_any_more_stands_for_good(node, tmp_path):
@@ -209,7 +212,7 @@ def test_a_human_wins(node, tmp_path):
     check_rate(seen["arrivals"][came < human[0]])
     pause = human[-1] + 0.5
     print(f"the first {np.min(came[came > human[-1]]) - human[-1]:.2f} s after the human's last")
-    assert not ((came > human[0] + 0.2) & (came < pause - 0.1)).any()
+    assert not ((came > human[0] + 0.4) & (came < pause - 0.01)).any()
     assert (came > pause).sum() > 20
     check_end(seen, SCENARIO)
 
@@ -234,3 +237,15 @@ def test_two_robots_agree_over_topics_when_to_start(node, tmp_path):
     moved = [one["arrivals"][np.flatnonzero(one["arrivals"][:, 1])[0], 0] for one in seen]
     print(f"began {abs(moved[0] - moved[1]):.3f} s apart")
     assert abs(moved[0] - moved[1]) < 0.3
+
+
+@pytest.mark.parametrize(
+    "settings", [{}, {"CYCLONEDDS_URI": "<CycloneDDS><Foo/></CycloneDDS>"}, {"ROS_DOMAIN_ID": "900"}]
+)
+def test_settings_that_do_not_work_are_named(settings):
+    pytest.importorskip("cyclonedds", reason="no cyclonedds: pip install 'mp2a[ros2]'")
+    done = subprocess.run(
+        [sys.executable, "-c", TWO_NODES], env=os.environ | OURS | settings, capture_output=True, text=True, check=False
+    )
+    assert bool(done.returncode) == bool(settings), done.stderr
+    assert all(name in done.stderr.splitlines()[-1] for name in settings)
