@@ -10,9 +10,12 @@ _FAST_DDS = "1.15"
 """A maker of DDS by its number in the protocol. Version 3 (ROS 2 Kilted) describes arrays and sequences with flags that
 the standard calls invalid; Cyclone DDS then refuses the topic. Without descriptions, types are matched by name alone,
 as all of ROS 2 did before."""
+_RECEIVE_BUFFER = "8MB"
+"""Asked of the kernel, which may give less. A cloud of 130 000 points is 2 MB at once; with the default of 1 MB half of
+such clouds were lost here, where nobody repeats them."""
 _SETTINGS = (
     f"<CycloneDDS><Domain><Compatibility><IgnoreTypeInformation>{_FAST_DDS}</IgnoreTypeInformation></Compatibility>"
-    "</Domain></CycloneDDS>"
+    f'<Internal><SocketReceiveBufferSize max="{_RECEIVE_BUFFER}"/></Internal></Domain></CycloneDDS>'
 )
 _domains: dict[int, Any] = {}
 """Of this process; settings are made once for each, and end with it."""

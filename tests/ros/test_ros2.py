@@ -3,6 +3,7 @@
 import itertools
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -249,3 +250,17 @@ def test_settings_that_do_not_work_are_named(settings):
     )
     assert bool(done.returncode) == bool(settings), done.stderr
     assert all(name in done.stderr.splitlines()[-1] for name in settings)
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [("", "1.15"), ("<Compatibility><IgnoreTypeInformation>1.1</IgnoreTypeInformation></Compatibility>", "1.1")],
+)
+def test_settings_of_the_user_win_over_ours(tmp_path, given, expected):
+    pytest.importorskip("cyclonedds", reason="no cyclonedds: pip install 'mp2a[ros2]'")
+    trace = f"<Tracing><Verbosity>config</Verbosity><OutputFile>{tmp_path / 'trace'}</OutputFile></Tracing>"
+    uri = f"<CycloneDDS><Domain>{given}{trace}</Domain></CycloneDDS>"
+    subprocess.run([sys.executable, "-c", TWO_NODES], env=os.environ | OURS | {"CYCLONEDDS_URI": uri}, check=True)
+    said = (tmp_path / "trace").read_text()
+    assert re.search(r"IgnoreTypeInformation/#text: (\S+)", said)[1] == expected
+    assert "SocketReceiveBufferSize[@max]: 8 MiB" in said
