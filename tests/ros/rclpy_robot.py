@@ -70,12 +70,14 @@ class Robot(Node):
     def now(self):
         return self.get_clock().now().to_msg()
 
-    def hear(self, message):
+    def hear(self, message, info):
         twist = getattr(message, "twist", message)
+        # When it came, not when Python got round to it.
+        came = info["received_timestamp"] * 1e-9 - time.time() + time.monotonic()
         if self.begun is None:
-            self.begun = time.monotonic()
+            self.begun = came
         self.command = (twist.linear.x, twist.angular.z)
-        self.seen["arrivals"].append((time.monotonic(), *self.command))
+        self.seen["arrivals"].append((came, *self.command))
 
     def listen(self, message):
         self.seen["sounds"].append((message.sound, message.command, message.volume, message.arg))

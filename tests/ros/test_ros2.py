@@ -124,11 +124,18 @@ def finish(process):
     return process.returncode, said
 
 
-def check_rate(arrivals):
-    """At least 10 Hz, the rate below which robots ignore commands, at the 99th percentile gap."""
-    gaps = np.diff(arrivals[:, 0])
-    print(f"{len(gaps)} gaps: median {np.median(gaps):.4f} s, 99th percentile {np.percentile(gaps, 99):.4f} s")
-    assert np.percentile(gaps, 99) <= 0.1
+@pytest.fixture(scope="module")
+def gaps():
+    """Times between commands of all drives, s."""
+    return []
+
+
+def check_rate(arrivals, gaps):
+    """Commands come at 20 Hz; how evenly is looked at in all of them together."""
+    new = np.diff(arrivals[:, 0])
+    print(f"{len(new)} gaps: median {np.median(new):.4f} s, 99th percentile {np.percentile(new, 99):.4f} s")
+    assert np.median(new) == pytest.approx(0.05, abs=0.002)
+    gaps.extend(new)
 
 
 def check_end(seen, scenario):
@@ -144,31 +151,31 @@ def check_end(seen, scenario):
 @pytest.mark.parametrize(
     ("message", "tells"), [("Twist", "odometry"), ("TwistStamped", "odometry"), ("TwistStamped", "stamped")]
 )
-def test_a_node_of_ros_2_is_driven_by_where_it_says_it_is(node, tmp_path, message, tells):
+def test_a_node_of_ros_2_is_driven_by_where_it_says_it_is(node, gaps, tmp_path, message, tells):
     robot = node(message=message, tells=tells)
     status, said = finish(begin(tmp_path, SCENARIO, message=message, pose=tells, points_topic=""))
     assert status == 0, said
     seen = robot.end()
-    check_rate(seen["arrivals"])
+    check_rate(seen["arrivals"], gaps)
     check_end(seen, SCENARIO)
     assert (tmp_path / "R1.csv").read_text().splitlines()[0].startswith("time,x,y,heading")
 
 
-def test_a_pose_is_put_together_of_transforms(node, built, tmp_path):
+def test_a_pose_is_put_together_of_transforms(node, gaps, built, tmp_path):
     robot = node(tells="tf")
     status, said = finish(begin(tmp_path, SCENARIO, pose="tf", points_topic=""))
     assert status == 0, said
     seen = robot.end()
-    check_rate(seen["arrivals"])
+    check_rate(seen["arrivals"], gaps)
     check_end(seen, SCENARIO)
 
 
-def stops_before_the_wall(node, tmp_path, **settings):
+def stops_before_the_wall(node, gaps, tmp_path, **settings):
     robot = node(wall=WALL, **settings)
     status, said = finish(begin(tmp_path, AHEAD, "--longest", "12", pose="odometry"))
     assert status in (0, 3), said  # it does not come to the end of its way
     seen = robot.end()
-    check_rate(seen["arrivals"])
+    check_rate(seen["arrivals"], gaps)
     gap = WALL - seen["track"][:, 1].max() - HUSKY.length / 2
     print(f"stands {gap:.2f} m before the wall")
     assert 0.05 < gap < 0.56
@@ -179,38 +186,39 @@ def stops_before_the_wall(node, tmp_path, **settings):
     return seen
 
 
-def test_a_robot_stops_before_a_wall(node, tmp_path):
-    stops_before_the_wall(node, tmp_path)
+def test_a_robot_stops_before_a_wall(node, gaps, tmp_path):
+    stops_before_the_wall(node, gaps, tmp_path)
 
 
-def test_a_robot_stops_before_a_wall_that_its_sensor_sees_askew_and_says_so(node, built, tmp_path):
+def test_a_robot_stops_before_a_wall_that_its_sensor_sees_askew_and_says_so(node, gaps, built, tmp_path):
     """Points in the sensor's own frame, which a kept transform places on the body."""
-    seen = stops_before_the_wall(node, tmp_path, lidar="lidar")
+    seen = stops_before_the_wall(node, gaps, tmp_path, lidar="lidar")
     number, command = sound.sound_numbers(sound.TEXT)
     assert seen["sounds"][0] == [number, command, 1.0, sound.TEXT]
     assert {tuple(one[:2]) for one in seen["sounds"]} <= {(number, command), sound.sound_numbers(None)}
 
 
-def test_a_robot_that_sees_no_points_any_more_stands_for_good(node, tmp_path):
+def test_a_robot_that_sees_no_points_any_more_stands_for_good(node, gaps, tmp_path):
     robot = node(wall=20.0, blind_after=1.5)
     status, said = finish(begin(tmp_path, AHEAD, pose="odometry"))
     assert status == 3, said
     arrivals = robot.end()["arrivals"]
+    check_rate(arrivals, gaps)
     moving = np.flatnonzero(arrivals[:, 1])
     stopped = arrivals[moving[-1], 0] - arrivals[0, 0] - 1.5
     print(f"drove on for {stopped:.2f} s")
     assert np.abs(arrivals[:, 1]).max() > 0.2
-    assert 0.2 < stopped < 1.0
+    assert 0.1 < stopped < 1.0
     assert len(arrivals) - moving[-1] > 5
 
 
-def test_a_human_wins(node, tmp_path):
+def test_a_human_wins(node, gaps, tmp_path):
     robot = node(human=(1.5, 3.0))
     status, said = finish(begin(tmp_path, SCENARIO, pose="odometry", points_topic=""))
     assert status == 0, said
     seen = robot.end()
     came, human = seen["arrivals"][:, 0], seen["human"]
-    check_rate(seen["arrivals"][came < human[0]])
+    check_rate(seen["arrivals"][came < human[0]], gaps)
     pause = human[-1] + 0.5
     print(f"the first {np.min(came[came > human[-1]]) - human[-1]:.2f} s after the human's last")
     assert not ((came > human[0] + 0.4) & (came < pause - 0.01)).any()
@@ -218,7 +226,7 @@ def test_a_human_wins(node, tmp_path):
     check_end(seen, SCENARIO)
 
 
-def test_two_robots_agree_over_topics_when_to_start(node, tmp_path):
+def test_two_robots_agree_over_topics_when_to_start(node, gaps, tmp_path):
     roles = ("R1", "R2")
     robots = [node(namespace=role, channel=True) for role in roles]
     processes = []
@@ -230,7 +238,7 @@ def test_two_robots_agree_over_topics_when_to_start(node, tmp_path):
         assert status == 0, said
     seen = [robot.end() for robot in robots]
     for one in seen:
-        check_rate(one["arrivals"])
+        check_rate(one["arrivals"], gaps)
         assert one["ready"] == [True]
         assert {"test R1", "test R2", "test R1 R2", "test R2 R1"} <= set(one["sync"])
     proposals = {text for one in seen for text in one["sync"] if text.startswith("sync")}
@@ -238,6 +246,14 @@ def test_two_robots_agree_over_topics_when_to_start(node, tmp_path):
     moved = [one["arrivals"][np.flatnonzero(one["arrivals"][:, 1])[0], 0] for one in seen]
     print(f"began {abs(moved[0] - moved[1]):.3f} s apart")
     assert abs(moved[0] - moved[1]) < 0.3
+
+
+def test_commands_of_all_drives_came_at_10_hz_at_least(gaps):
+    """The rate below which robots ignore commands; at the 99th percentile, of the drives above."""
+    if not gaps:
+        pytest.skip("nothing was driven")
+    print(f"{len(gaps)} gaps: 99th percentile {np.percentile(gaps, 99):.4f} s, longest {max(gaps):.4f} s")
+    assert np.percentile(gaps, 99) <= 0.1
 
 
 @pytest.mark.parametrize(
