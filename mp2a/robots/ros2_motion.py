@@ -5,11 +5,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from mp2a.robots.frames import Found, Transforms
 from mp2a.robots.interface import NO_POSE
 from mp2a.robots.odometry import LastSeen, heading
 from mp2a.robots.ros2_node import Node, take
 from mp2a.robots.table import RobotInterface
-from mp2a.robots.transforms import Found, Transforms
 from mp2a.spatial import Array
 
 _NO_TWIST: Array = np.full(2, np.nan)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mp2a.robots.transforms import Transforms
+from mp2a.robots.frames import Transforms
 
 FRAMES = ("map", "odom", "base_link", "lidar", "camera")
 
