@@ -4,9 +4,10 @@ Each has what the thesis describes: ``nav/cmd_vel`` and, winning over it, ``cmd_
 LIDAR with 256 rays at 10 Hz that are 0.3 s old. Its controller keeps to Clearpath's limits and stops after 0.25 s
 without a command.
 
-    husky_nodes.py LOG PLACES [WALL_X]      PLACES: JSON {role: [x, y, heading]}; on SIGTERM writes what it saw to LOG;
+    husky_nodes.py LOG PLACES [WALL_X]      PLACES: JSON {role: [x, y, heading]}
 
-    a file LOG with the suffix .ready says that all are up
+On SIGTERM it writes what it saw to LOG, and how many seconds it ever was behind real time; a file LOG with the suffix
+.ready says that all are up.
 """
 
 import json
@@ -129,7 +130,7 @@ def main():
     over = []
     signal.signal(signal.SIGTERM, lambda *_: over.append(True))
     log.with_suffix(".ready").touch()
-    begin, step = time.monotonic(), 0
+    begin, step, behind = time.monotonic(), 0, 0.0
     while not over:
         for husky in huskies:
             husky.drive()
@@ -141,10 +142,11 @@ def main():
                 husky.scan()
         step += 1
         ahead = begin + step * STEP - time.monotonic()
+        behind = max(behind, -ahead)
         if ahead > 0:
             time.sleep(ahead)
     seen = {husky.role: {"arrivals": husky.arrivals, "track": husky.track} for husky in huskies}
-    log.write_text(json.dumps({"seen": seen, "behind": time.monotonic() - begin - step * STEP}))
+    log.write_text(json.dumps({"seen": seen, "behind": behind}))
 
 
 if __name__ == "__main__":

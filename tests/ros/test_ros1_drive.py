@@ -1,5 +1,6 @@
 """Robots in a physics engine drive scenarios over a real ROS master."""
 
+import contextlib
 import csv
 import itertools
 import os
@@ -21,6 +22,7 @@ from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY
 from mp2a.robots import sound
+from mp2a.robots.cloud import points
 
 pytestmark = pytest.mark.ros
 ROOT = Path(__file__).parents[2]
@@ -31,7 +33,7 @@ move 3 0
 move 3 -60
 move 3 60
 """
-TO_THE_WALL = """robots R1
+TO_A_WALL = """robots R1
 row R1 0 0
 move 6 0
 """
@@ -45,8 +47,8 @@ def robots_toml(roles, lidar=True):
 class Run:
     """What came of a drive."""
 
-    def __init__(self, output, records, seen, behind):
-        self.output, self.records, self.seen, self.behind = output, records, seen, behind
+    def __init__(self, output, records, seen):
+        self.output, self.records, self.seen = output, records, seen
 
     def gaps(self):
         """Times between commands that arrived while the robots were driven, of all robots, s."""
@@ -91,14 +93,14 @@ def drive(huskies, tmp_path, text, wall=None, lidar=True):
         str(tmp_path / "robots.toml"), "--armed", "--record", str(tmp_path / "record"), "--longest", "150",
     ]  # fmt: skip
     done = launch.run(len(places), program, timeout=300, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    seen, behind = robots.end()
+    seen = robots.end()
     assert done.returncode == 0, done.stdout[-3000:]
     records = {}
     for role in scenario.robots:
         with (tmp_path / "record" / f"{role}.csv").open() as file:
             rows = list(csv.DictReader(file))
         records[role] = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
-    return Run(done.stdout, records, seen, behind)
+    return Run(done.stdout, records, seen)
 
 
 def check_rate(run):
@@ -107,7 +109,6 @@ def check_rate(run):
     print(
         f"gaps of {len(gaps)} commands: median {np.median(gaps):.4f} s, 99th percentile {np.percentile(gaps, 99):.4f} s"
     )
-    print(f"physics {run.behind:.2f} s behind real time at the end")
     assert np.percentile(gaps, 99) <= 0.1
     assert np.median(gaps) == pytest.approx(0.05, abs=0.002)
 
@@ -155,21 +156,75 @@ def test_four_robots_follow_the_leader(huskies, tmp_path, lidar):
         np.testing.assert_allclose(gaps, wanted, atol=0.3)
 
 
-def test_a_robot_stops_before_a_wall_and_says_so(huskies, tmp_path):
+def when_driving(roles, then):
+    """Once all robots get commands to drive, call ``then`` in a thread."""
+    from geometry_msgs.msg import Twist
+
+    listeners = [Listener(f"/{role}/nav/cmd_vel", Twist) for role in roles]
+
+    def wait():
+        while not all(any(m.linear.x > 0.4 for _, m in one.heard) for one in listeners):
+            time.sleep(0.05)
+        then()
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+def speeds(rows, begin, end):
+    """Second column of rows whose first, the time, is between two times."""
+    return np.array([row[1] for row in rows if begin < row[0] < end])
+
+
+def test_a_robot_stops_when_another_program_says_so_and_before_a_wall(huskies, tmp_path):
+    import rospy
+    from sensor_msgs.msg import PointCloud2
+    from std_msgs.msg import Bool
+
     from mp2a.robots.ros1_node import connect, sound_request
 
     connect("test")
-    heard = Listener("/R1/robotsound", sound_request())
-    run = drive(huskies, tmp_path, TO_THE_WALL, wall=4.0)
-    heard.close()
+    sounds, signals = Listener("/R1/robotsound", sound_request()), Listener("/R1/stop_front", Bool)
+    clouds = Listener("/R1/obstacles", PointCloud2)
+    stop_front, stop_rear = (rospy.Publisher(f"/R1/stop_{end}", Bool, queue_size=1) for end in ("front", "rear"))
+    told = []
+
+    def tell():
+        stop_rear.publish(True)  # means nothing to who drives forward
+        for stop in (True, False):
+            told.append(time.monotonic())
+            stop_front.publish(stop)
+            time.sleep(3)
+
+    when_driving(["R1"], tell)
+    run = drive(huskies, tmp_path, TO_A_WALL, wall=4.0)
+    for listener in (sounds, signals, clouds):
+        listener.close()
     check_rate(run)
-    track = np.array(run.seen["R1"]["track"])
+    stop, go = told
+    seen = run.seen["R1"]
+    track = np.array(seen["track"])
+    print(f"stood {np.ptp(track[(track[:, 0] > stop + 1) & (track[:, 0] < go), 1]):.3f} m while told to stop")
+    assert (speeds(seen["arrivals"], stop + 0.3, go) <= 0).all()
+    assert np.abs(speeds(track[:, [0, 4]], stop + 1, go)).max() < 0.05
+    assert speeds(seen["arrivals"], go, np.inf).max() > 0.4
     gap = 4.0 - track[:, 1].max() - HUSKY.length / 2
     print(f"stands {gap:.2f} m before the wall")
     assert 0.05 < gap < 0.56
     assert np.abs(track[-20:, 4:]).max() < 0.05
-    assert [m.sound for _, m in heard.heard][:1] == [sound.sound_numbers(sound.TEXT)[0]]
-    assert heard.heard[0][1].arg == sound.TEXT
+    said = [t for t, m in sounds.heard if m.sound == sound.sound_numbers(sound.TEXT)[0]]
+    assert {m.arg for _, m in sounds.heard} == {sound.TEXT, ""}
+    assert len(said) == 2
+    assert said[0] - stop < 0.5 < said[1] - go
+    # Its own signals: the wall alone, and the wall is where it says.
+    own = [(t, m.data) for t, m in signals.heard if "test" not in m._connection_header["callerid"]]
+    assert own[0][1] is False
+    first = next(t for t, stop in own if stop)
+    assert abs(first - said[1]) < 0.5
+    cloud = clouds.heard[-1][1]
+    ahead = points(cloud)
+    assert cloud.header.frame_id == "R1/base_link"
+    assert (np.abs(ahead) < 2).all()
+    assert ahead[:, 0].min() == pytest.approx(gap + HUSKY.length / 2, abs=0.1)
 
 
 def test_killed_planners_leave_robots_that_stand(huskies, tmp_path):
@@ -181,39 +236,24 @@ def test_killed_planners_leave_robots_that_stand(huskies, tmp_path):
     (tmp_path / "robots.toml").write_text(robots_toml(scenario.robots))
     killed = []
 
-    def kill_when_driving():
-        while not killed:
-            time.sleep(0.2)
-            for pid in ranks():
-                if driving.is_set():
-                    os.kill(pid, signal.SIGKILL)
+    def kill_one():
+        """One of the processes that drive; neither a watchdog nor mpirun."""
+        for entry in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):
+                words = (entry / "cmdline").read_bytes().split(b"\0")
+                if b"drive" in words and str(tmp_path / "robots.toml").encode() in words and b"mpirun" not in words[0]:
+                    os.kill(int(entry.name), signal.SIGKILL)
                     killed.append(time.monotonic())
                     return
 
-    def ranks():
-        """Processes that drive, not their watchdogs."""
-        out = []
-        for entry in Path("/proc").glob("[0-9]*"):
-            try:
-                words = (entry / "cmdline").read_bytes().split(b"\0")
-            except OSError:
-                continue
-            if b"drive" in words and str(tmp_path / "robots.toml").encode() in words and b"mpirun" not in words[0]:
-                out.append(int(entry.name))
-        return out
-
-    driving = threading.Event()
-    killer = threading.Thread(target=kill_when_driving)
-    killer.start()
-    threading.Timer(12.0, driving.set).start()
+    when_driving(scenario.robots, kill_one)
     program = [
-        sys.executable, "-m", "mp2a", "drive", str(SCENARIOS / "listing_7_2.txt"), "--robots",
+        sys.executable, "-m", "mp2a", "drive", str(SCENARIOS / "listing_7_1.txt"), "--robots",
         str(tmp_path / "robots.toml"), "--armed", "--quiet",
     ]  # fmt: skip
     done = launch.run(2, program, timeout=120, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    killer.join()
     time.sleep(3)
-    seen, _ = robots.end()
+    seen = robots.end()
     assert done.returncode
     for role, one in seen.items():
         moving = [t for t, speed, turn in one["arrivals"] if speed or turn]

@@ -67,7 +67,7 @@ def node(tmp_path):
 
 
 @pytest.mark.parametrize("message", ["Twist", "TwistStamped"])
-def test_a_node_of_ros_2_is_driven_by_where_it_says_it_is(node, tmp_path, message):
+def test_a_node_of_ros_2_is_driven_by_where_it_says_it_is(node, tmp_path, metronome, message):
     process, log = node(message)
     (tmp_path / "scenario.txt").write_text(SCENARIO)
     (tmp_path / "robots.toml").write_text(
@@ -86,6 +86,7 @@ def test_a_node_of_ros_2_is_driven_by_where_it_says_it_is(node, tmp_path, messag
         text=True,
         check=False,
     )
+    metronome.check()
     assert done.returncode == 0, done.stdout
     process.wait(30)
     seen = json.loads(log.read_text())
