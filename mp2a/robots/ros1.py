@@ -63,9 +63,7 @@ class Ros1Robot:
         if interface.human_topic:
             kind = Twist if interface.message == "Twist" else TwistStamped
             rospy.Subscriber(interface.human_topic, kind, self._human.put, queue_size=1)
-        self._stops = tuple(
-            self._stop_signals(topic) for topic in (interface.stop_front_topic, interface.stop_rear_topic)
-        )
+        self._stops = [self._stop_signals(topic) for topic in (interface.stop_front_topic, interface.stop_rear_topic)]
         self._tf = self._transforms()
         sender = Sender(interface, "ros1", role=role) if armed else None
         self.send, self.warn, self.close, self._show = outlets(interface, _wire(rospy), sender)
@@ -82,20 +80,19 @@ class Ros1Robot:
         if points is not None:
             self._show(points)
         human = self._human.within(self._interface.human_pause) is not None
-        # However old: a stop holds until it is taken back.
-        stop_front, stop_rear = (last is not None and last.data for last in (s.within(math.inf) for s in self._stops))
-        return Sensed(self._pose(odometry), twist, points, human, stop_front, stop_rear)
+        stops = (bool(seen.within(math.inf)) for seen in self._stops)
+        return Sensed(self._pose(odometry), twist, points, human, *stops)
 
-    def _stop_signals(self, topic: str) -> LastSeen[Any]:
-        """Listen to what other programs say on a topic of stop signals."""
+    def _stop_signals(self, topic: str) -> LastSeen[bool]:
+        """Listen to what other programs say on a topic of stop signals; it holds until they say otherwise."""
         from std_msgs.msg import Bool
 
-        seen: LastSeen[Any] = LastSeen()
+        seen: LastSeen[bool] = LastSeen()
         own = self._rospy.get_name()
 
         def hear(message: Any) -> None:
             if message._connection_header["callerid"] != own:
-                seen.put(message)
+                seen.put(message.data)
 
         if topic:
             self._rospy.Subscriber(self._interface.beside_ready(topic), Bool, hear, queue_size=10, tcp_nodelay=True)
