@@ -77,7 +77,7 @@ def test_limits_work_on_many_robots_at_once():
 # ---- slip ------------------------------------------------------------------------------------------------------
 
 
-def turn(true_slip, speeds, wanted, learn=True, seconds=12.0):
+def turn(true_slip, speeds, wanted, learn=True, seconds=10 * slip.LEARNING):
     """Turn rates that a simulated HUSKY reaches at the end of each of several legs, and what was learned."""
     simulation = Simulation(World(), HUSKY, [[0, 0, 0]], slip=true_slip)
     known, sent, out = slip.NO_SLIP_SEEN, np.zeros(2), []
