@@ -14,10 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from listening import Listener
+from paths import COLUMN, ideal, path_error
 
 from mp2a import launch
-from mp2a.formation.choreography.ideal import run as ideal_run
-from mp2a.formation.choreography.places import compose
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY
@@ -27,12 +26,6 @@ from mp2a.robots.cloud import points
 pytestmark = pytest.mark.ros
 ROOT = Path(__file__).parents[2]
 SCENARIOS = ROOT / "examples" / "scenarios"
-COLUMN = """robots R1 R2 R3 R4
-column R1;R2;R3;R4 2 0
-move 3 0
-move 3 -60
-move 3 60
-"""
 TO_A_WALL = """robots R1
 row R1 0 0
 move 6 0
@@ -62,23 +55,6 @@ class Run:
                 for rows in self.records.values()
             ]
         )
-
-
-def path_error(track, leader):
-    """Largest distance of a robot from its leader's path, begun where the robot stood, m."""
-    line = np.concatenate((np.linspace(track[0], leader[0], 100), leader))
-    return np.min(np.hypot(*(track[:, None] - line[None]).transpose(2, 0, 1)), axis=1).max()
-
-
-def ideal(text):
-    """Ideal robots' last places, m, and their path errors, m: what the choreography itself leaves."""
-    run = ideal_run(Choreography(parse(text), HUSKY))
-    lanes = run.leader_poses.copy()
-    side = np.zeros_like(lanes)
-    side[..., 1] = run.places[..., 1]
-    lanes = compose(lanes, side)
-    errors = [path_error(run.poses[:, i, :2], lanes[:, i, :2]) for i in range(lanes.shape[1])]
-    return run.poses[-1, :, :2], np.array(errors)
 
 
 def drive(huskies, tmp_path, text, wall=None, lidar=True):
@@ -207,8 +183,12 @@ def test_a_robot_stops_when_another_program_says_so_and_before_a_wall(huskies, t
     assert (speeds(seen["arrivals"], stop + 0.3, go) <= 0).all()
     assert np.abs(speeds(track[:, [0, 4]], stop + 1, go)).max() < 0.05
     assert speeds(seen["arrivals"], go, np.inf).max() > 0.4
-    gap = 4.0 - track[:, 1].max() - HUSKY.length / 2
-    print(f"stands {gap:.2f} m before the wall")
+    x, heading = track[:, 1], track[:, 3]
+    reach = x + HUSKY.length / 2 * np.abs(np.cos(heading)) + HUSKY.width / 2 * np.abs(np.sin(heading))
+    gap = 4.0 - x.max() - HUSKY.length / 2
+    print(
+        f"stands {gap:.2f} m before the wall, turned by {np.rad2deg(heading[-1]):.0f}°; corner {4 - reach.max():.2f} m"
+    )
     assert 0.05 < gap < 0.56
     assert np.abs(track[-20:, 4:]).max() < 0.05
     said = [t for t, m in sounds.heard if m.sound == sound.sound_numbers(sound.TEXT)[0]]
@@ -224,7 +204,9 @@ def test_a_robot_stops_when_another_program_says_so_and_before_a_wall(huskies, t
     ahead = points(cloud)
     assert cloud.header.frame_id == "R1/base_link"
     assert (np.abs(ahead) < 2).all()
-    assert ahead[:, 0].min() == pytest.approx(gap + HUSKY.length / 2, abs=0.1)
+    found = x[-1] + np.cos(heading[-1]) * ahead[:, 0] - np.sin(heading[-1]) * ahead[:, 1]
+    np.testing.assert_allclose(found, 4.0, atol=0.1)
+    assert len(found) > 10
 
 
 def test_killed_planners_leave_robots_that_stand(huskies, tmp_path):
