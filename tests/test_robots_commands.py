@@ -118,6 +118,16 @@ def test_no_measurement_moves_a_share_out_of_its_bounds(measured):
         assert ((known.shares >= slip.LEAST_SHARE) & (known.shares <= slip.MOST_SHARE)).all()
 
 
+@given(st.lists(st.tuples(st.floats(-2, 2), st.floats(-1, 1)), max_size=60), st.sampled_from([0.02, 0.05, 0.1]))
+def test_what_comes_late_is_not_lost(commands, dt):
+    """A robot that turns just as it is told, `LAG` later, is not taken to slip."""
+    late, known = round(slip.LAG / dt), slip.NO_SLIP_SEEN
+    for k, (sent, speed) in enumerate(commands):
+        turned = commands[k - late][0] if k >= late else 0.0
+        known = slip.learn(known, sent, np.array([speed, turned]), dt)
+    np.testing.assert_allclose(known.shares, 1.0, atol=1e-9)
+
+
 def test_lost_odometry_teaches_nothing():
     known = slip.learn(slip.NO_SLIP_SEEN, 1.0, np.array([np.nan, np.nan]), 0.05)
     np.testing.assert_array_equal(known.shares, 1.0)
