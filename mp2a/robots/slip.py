@@ -25,9 +25,9 @@ SMOOTHING = 0.3
 LAG = 0.2
 """s after which a new turn rate begins to show in odometry; two thirds of it show after half a second (HUSKY in the
 physics engine)."""
-LEARNING = 2.0
+LEARNING = 3.0
 """s of turning in which two thirds of a wrong share are put right. Within 0.5 s and without a lag, turns into a corner
-were enlarged so much that robots in a column overshot it, backed, and most often touched the next."""
+were enlarged so much that robots in a column overshot it, backed, and most often touched the next one."""
 LEAST_TURN = 0.05
 """rad/s below which a turn teaches nothing."""
 LEAST_SHARE, MOST_SHARE = 0.2, 1.2

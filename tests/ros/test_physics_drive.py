@@ -4,6 +4,7 @@ Commands take effect up to a period of the watchdog late, points are 0.3 s old, 
 """
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from mp2a.robots.planner import ChoreographyPlanner
 from mp2a.robots.table import INTERFACES
 
 pytestmark = pytest.mark.ros
+BESIDE = (Path(__file__).parents[2] / "examples" / "scenarios" / "listing_7_1.txt").read_text()
 PERIOD = 12  # steps of 1/240 s
 
 
@@ -56,26 +58,23 @@ class InPhysics:
         pass
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-@pytest.mark.parametrize("lidar", [False, True])
-def test_a_column_does_not_run_into_itself(lidar, seed):
-    """Blind robots end where ideal ones do; with LIDAR each takes the one in front for an obstacle."""
+def drive(text, lidar, seed, longest=60.0):
+    """Drive a scenario; returns the true tracks of the robots, ``(steps, 2)`` m, and their path errors, m."""
     pytest.importorskip("pybullet", reason="no physics engine: pip install pybullet")
     import pybullet
     from husky import SCAN, STEP, Husky, open_world
 
     rng = np.random.default_rng(seed)
-    scenario = parse(COLUMN)
-    places = Choreography(scenario, HUSKY).places()
+    scenario = parse(text)
     open_world()
-    robots = [InPhysics(Husky(*place), lidar, rng) for place in places]
+    robots = [InPhysics(Husky(*place), lidar, rng) for place in Choreography(scenario, HUSKY).places()]
     drivers = [
         Driver(role, robot, INTERFACES["husky"], ChoreographyPlanner(Choreography(scenario, HUSKY), role, lidar))
         for role, robot in zip(scenario.robots, robots, strict=True)
     ]
     began, done = round(1 / STEP), set()  # a second to come to rest on the floor, and for points
     turns = [began + int(late) for late in rng.integers(0, PERIOD, len(robots))]
-    for step in range(began + round(40 / STEP)):
+    for step in range(began + round(longest / STEP)):
         for robot in robots:
             robot.advance()
         pybullet.stepSimulation()
@@ -89,19 +88,36 @@ def test_a_column_does_not_run_into_itself(lidar, seed):
                 done.add(driver.role)
         if len(done) == len(drivers):
             break
-    tracks = [np.array(robot.track) for robot in robots]
-    nearest = min(np.hypot(*(a - b).T).min() for a, b in itertools.pairwise(tracks))
+    assert len(done) == len(drivers)
+    assert not any(step.error for driver in drivers for step in driver.steps)
     errors = np.array([
         path_error(*(np.array([getattr(s, name)[:2] for s in driver.steps]) for name in ("pose", "leader")))
         for driver in drivers
     ])  # fmt: skip
+    print(f"{'LIDAR' if lidar else 'blind'}, seed {seed}: path errors {errors.round(2)} m")
+    return [np.array(robot.track) for robot in robots], errors
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("lidar", [False, True])
+def test_a_column_does_not_run_into_itself(lidar, seed):
+    """Blind robots end where ideal ones do; with LIDAR each takes the one in front for an obstacle."""
+    tracks, errors = drive(COLUMN, lidar, seed)
     last, least = ideal(COLUMN)
+    nearest = min(np.hypot(*(a - b).T).min() for a, b in itertools.pairwise(tracks))
     gaps, wanted = (np.hypot(*np.diff(ends, axis=0).T) for ends in ([track[-1] for track in tracks], last))
-    print(f"{'LIDAR' if lidar else 'blind'}, seed {seed}: gaps {gaps.round(2)} m, ideal robots {wanted.round(2)} m")
-    print(f"nearest two {nearest:.2f} m, path errors {errors.round(2)} m, ideal robots {least.round(2)} m")
-    assert len(done) == len(drivers)
-    assert not any(step.error for driver in drivers for step in driver.steps)
+    print(f"nearest two {nearest:.2f} m, gaps {gaps.round(2)} m, ideal robots {wanted.round(2)} m")
     assert nearest > HUSKY.length
     assert (errors < least + (0.9 if lidar else 0.2)).all()
     if not lidar:
         np.testing.assert_allclose(gaps, wanted, atol=0.3)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_robots_side_by_side_keep_their_distance(seed):
+    (first, second), errors = drive(BESIDE, True, seed)
+    together = min(len(first), len(second))
+    apart = np.hypot(*(first[:together] - second[:together]).T)
+    print(f"distance {apart.min():.2f} to {apart.max():.2f} m of 1.2")
+    assert np.abs(apart - 1.2).max() < 0.6
+    assert (errors < ideal(BESIDE)[1] + 0.6).all()

@@ -104,7 +104,7 @@ def test_two_robots_drive_a_scenario_of_the_thesis(huskies, tmp_path, listing, f
     assert abs(first["time"][-1] - second["time"][-1]) < 3
     # Slip and, since the robots see each other, the force field: not what ideal robots do, but not far off.
     assert np.median(np.abs(apart - 1.2)) < 0.25
-    assert np.abs(apart - 1.2).max() < 0.8
+    assert np.abs(apart - 1.2).max() < 1.0
     assert apart.min() > HUSKY.width
     assert (errors < ideal(text)[1] + 0.6).all()
     for role, one in run.seen.items():
