@@ -159,21 +159,22 @@ def test_a_robot_stops_when_another_program_says_so_and_before_a_wall(huskies, t
     from mp2a.robots.ros1_node import connect, sound_request
 
     connect("test")
-    sounds, signals = Listener("/R1/robotsound", sound_request()), Listener("/R1/stop_front", Bool)
-    clouds = Listener("/R1/obstacles", PointCloud2)
-    stop_front, stop_rear = (rospy.Publisher(f"/R1/stop_{end}", Bool, queue_size=1) for end in ("front", "rear"))
+    sounds, clouds = Listener("/R1/robotsound", sound_request()), Listener("/R1/obstacles", PointCloud2)
+    topics = ("/R1/stop_front", "/R1/stop_rear")
+    signals = [Listener(topic, Bool) for topic in topics]
+    stops = [rospy.Publisher(topic, Bool, queue_size=1) for topic in topics]
     told = []
 
     def tell():
-        stop_rear.publish(True)  # means nothing to who drives forward
         for stop in (True, False):
             told.append(time.monotonic())
-            stop_front.publish(stop)
+            for publisher in stops:
+                publisher.publish(stop)
             time.sleep(3)
 
     when_driving(["R1"], tell)
     run = drive(huskies, tmp_path, TO_A_WALL, wall=4.0)
-    for listener in (sounds, signals, clouds):
+    for listener in (sounds, clouds, *signals):
         listener.close()
     check_rate(run)
     stop, go = told
@@ -189,17 +190,16 @@ def test_a_robot_stops_when_another_program_says_so_and_before_a_wall(huskies, t
     print(
         f"stands {gap:.2f} m before the wall, turned by {np.rad2deg(heading[-1]):.0f}°; corner {4 - reach.max():.2f} m"
     )
-    assert 0.05 < gap < 0.56
+    assert 0.0 < gap < 0.56
     assert np.abs(track[-20:, 4:]).max() < 0.05
     said = [t for t, m in sounds.heard if m.sound == sound.sound_numbers(sound.TEXT)[0]]
-    assert len(said) == 2
     assert {m.arg for t, m in sounds.heard if t in said} == {sound.TEXT}
-    assert said[0] - stop < 0.5 < said[1] - go
+    assert said[0] - stop < 0.5
+    at_the_wall = next(t for t in said if t > go)
     # Its own signals: the wall alone, and the wall is where it says.
-    own = [(t, m.data) for t, m in signals.heard if "test" not in m._connection_header["callerid"]]
-    assert own[0][1] is False
-    first = next(t for t, stop in own if stop)
-    assert abs(first - said[1]) < 0.5
+    own = [(t, m) for one in signals for t, m in one.heard if "test" not in m._connection_header["callerid"]]
+    assert go < min(t for t, m in own if m.data) < at_the_wall + 0.3
+    assert not own[0][1].data
     cloud = clouds.heard[-1][1]
     ahead = points(cloud)
     assert cloud.header.frame_id == "R1/base_link"
