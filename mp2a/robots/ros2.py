@@ -1,4 +1,4 @@
-"""A robot over ROS 2: odometry, transforms and points in; commands through the watchdog, or only shown."""
+"""A robot over ROS 2: odometry, transforms, points, stop signals in; commands through the watchdog, or only shown."""
 
 import math
 import time
@@ -7,10 +7,10 @@ from typing import Any
 from mp2a.formation.choreography.obstacles import from_cloud
 from mp2a.robots.cloud import points as cloud_points
 from mp2a.robots.interface import Sensed
+from mp2a.robots.outlets import Wire, Write, outlets
 from mp2a.robots.ros2_motion import Frames, motion
 from mp2a.robots.ros2_node import Node, take
 from mp2a.robots.sender import Sender
-from mp2a.robots.sound import sound_numbers
 from mp2a.robots.table import SYNC_TOPIC, RobotInterface
 from mp2a.spatial import Array
 
@@ -35,7 +35,7 @@ class Ros2Robot:
 
     def __init__(self, role: str, interface: RobotInterface, armed: bool) -> None:
         node = self._node = Node()
-        from mp2a.robots.ros2_messages import PointCloud2, SoundRequest, Twist, TwistStamped
+        from mp2a.robots.ros2_messages import Bool, PointCloud2, Twist, TwistStamped
 
         self._interface = interface
         self.has_lidar = bool(interface.points_topic)
@@ -44,10 +44,12 @@ class Ros2Robot:
         self._clouds = node.reader(interface.points_topic, PointCloud2) if self.has_lidar else None
         kind = Twist if interface.message == "Twist" else TwistStamped
         self._by_hand = node.reader(interface.human_topic, kind) if interface.human_topic else None
-        self._sound = node.writer(interface.sound_topic, SoundRequest) if interface.sound_topic else None
-        self._sound_kind = SoundRequest
         self._human_at = -math.inf
-        self._sender = Sender(interface, "ros2", role=role) if armed else None
+        stops = (interface.beside_ready(topic) for topic in (interface.stop_front_topic, interface.stop_rear_topic))
+        self._stop_readers = [node.reader(topic, Bool, own=False) if topic else None for topic in stops]
+        self._stops = [False, False]
+        sender = Sender(interface, "ros2", role=role) if armed else None
+        self.send, self.warn, self.close, self._show = outlets(interface, _wire(node), sender)
 
     def sense(self) -> Sensed:
         """Tell what has come last; odometry older than it may be counts as lost."""
@@ -57,24 +59,13 @@ class Ros2Robot:
         human = now - self._human_at < self._interface.human_pause
         clouds = [] if self._clouds is None else take(self._clouds)
         points = self._points(clouds[-1]) if clouds else None
+        if points is not None:
+            self._show(points)
+        for i, reader in enumerate(self._stop_readers):
+            for message in () if reader is None else take(reader):
+                self._stops[i] = message.data
         pose, twist = self._motion.read(self._interface.pose_age)
-        return Sensed(pose, twist, points, human)
-
-    def send(self, command: Array) -> None:
-        """Hand a command to the watchdog, if armed."""
-        if self._sender is not None:
-            self._sender.send(float(command[0]), float(command[1]))
-
-    def warn(self, text: str | None) -> None:
-        """Say a text, or beep, through sound_play."""
-        if self._sound is not None:
-            sound, command = sound_numbers(text)
-            self._sound.write(self._sound_kind(sound, command, 1.0, text or "", ""))
-
-    def close(self) -> None:
-        """Stop the robot through the watchdog."""
-        if self._sender is not None:
-            self._sender.close()
+        return Sensed(pose, twist, points, human, *self._stops)
 
     def _points(self, cloud: Any) -> Array | None:
         """Points in the body's frame that are in the way; None if nobody knows where the sensor is."""
@@ -83,6 +74,19 @@ class Ros2Robot:
             return from_cloud(points)
         mounted = self._frames.look_up(self._interface.body_frame, cloud.header.frame_id)
         return None if mounted is None else from_cloud(mounted.apply(points))
+
+
+def _wire(node: Node) -> Wire:
+    from mp2a.robots.ros2_messages import Bool, Header, PointCloud2, PointField, SoundRequest, Time
+
+    def writer(topic: str, kind: Any) -> Write:
+        opened = node.writer(topic, kind)
+        return lambda *content: opened.write(kind(*content))
+
+    def header(frame: str) -> Header:
+        return Header(Time(*divmod(time.time_ns(), 1_000_000_000)), frame)
+
+    return Wire(writer, header, Bool, SoundRequest, PointCloud2, PointField)
 
 
 class Ros2Channel:

@@ -54,11 +54,20 @@ class Node:
 
         return DataWriter(self._participant, self._topic(topic, kind), _quality(True, 1 if kept else 10, kept))
 
-    def reader(self, topic: str, kind: Any, depth: int = 1, reliable: bool = False, kept: bool = False) -> Any:
-        """Return a reader of a topic; ``take(reader)``. One that is not reliable takes what either kind sends."""
+    def reader(
+        self, topic: str, kind: Any, depth: int = 1, reliable: bool = False, kept: bool = False, own: bool = True
+    ) -> Any:
+        """Return a reader of a topic, for `take`.
+
+        One that is not reliable takes what either kind sends. Without ``own`` it does not hear this node itself.
+        """
+        from cyclonedds.core import Policy, Qos
         from cyclonedds.sub import DataReader
 
-        return DataReader(self._participant, self._topic(topic, kind), _quality(reliable, depth, kept))
+        quality = _quality(reliable, depth, kept)
+        if not own:
+            quality = Qos(Policy.IgnoreLocal.Participant, base=quality)
+        return DataReader(self._participant, self._topic(topic, kind), quality)
 
     def _topic(self, topic: str, kind: Any) -> Any:
         from cyclonedds.topic import Topic

@@ -52,8 +52,8 @@ def has(*packages):
 class Node:
     """A robot in a process."""
 
-    def __init__(self, log, settings, namespace):
-        self._log = log
+    def __init__(self, log, settings, namespace, metronome):
+        self._log, self._metronome = log, metronome
         environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | THEIRS
         program = [PYTHON, Path(__file__).with_name("rclpy_robot.py"), log, json.dumps(settings)]
         self.process = subprocess.Popen(
@@ -65,14 +65,18 @@ class Node:
             time.sleep(0.05)
 
     def end(self):
-        """Wait until it gets no commands any more; returns what it has seen, as arrays where it is numbers."""
+        """Wait until it gets no commands any more; returns what it has seen, as arrays where it is numbers.
+
+        Raises TooBusy if this machine did not keep real time.
+        """
         assert self.process.wait(30) == 0
+        self._metronome.check()
         seen = json.loads(self._log.read_text())
         return seen | {name: np.array(seen[name]) for name in ("arrivals", "track", "human")}
 
 
 @pytest.fixture
-def node(tmp_path):
+def node(tmp_path, metronome):
     """Start a robot as a node of ROS 2."""
     pytest.importorskip("cyclonedds", reason="no cyclonedds: pip install 'mp2a[ros2]'")
     if not has("rclpy", "nav_msgs", "sensor_msgs", "std_msgs"):
@@ -84,7 +88,7 @@ def node(tmp_path):
             "message": "Twist", "tells": "odometry", "wall": None, "lidar": "base_link", "blind_after": None,
             "human": None, "channel": False,
         }  # fmt: skip
-        started.append(Node(tmp_path / f"log{namespace}.json", defaults | settings, namespace))
+        started.append(Node(tmp_path / f"log{namespace}.json", defaults | settings, namespace, metronome))
         return started[-1]
 
     yield start
