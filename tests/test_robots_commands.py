@@ -77,7 +77,7 @@ def test_limits_work_on_many_robots_at_once():
 # ---- slip ------------------------------------------------------------------------------------------------------
 
 
-def turn(true_slip, speeds, wanted, learn=True, seconds=12.0):
+def turn(true_slip, speeds, wanted, learn=True, seconds=10 * slip.LEARNING):
     """Turn rates that a simulated HUSKY reaches at the end of each of several legs, and what was learned."""
     simulation = Simulation(World(), HUSKY, [[0, 0, 0]], slip=true_slip)
     known, sent, out = slip.NO_SLIP_SEEN, np.zeros(2), []
@@ -116,6 +116,16 @@ def test_no_measurement_moves_a_share_out_of_its_bounds(measured):
     for sent, speed, turned in measured:
         known = slip.learn(known, sent, np.array([speed, turned]), 0.05)
         assert ((known.shares >= slip.LEAST_SHARE) & (known.shares <= slip.MOST_SHARE)).all()
+
+
+@given(st.lists(st.tuples(st.floats(-2, 2), st.floats(-1, 1)), max_size=60), st.sampled_from([0.02, 0.05, 0.1]))
+def test_what_comes_late_is_not_lost(commands, dt):
+    """A robot that turns just as it is told, `LAG` later, is not taken to slip."""
+    late, known = round(slip.LAG / dt), slip.NO_SLIP_SEEN
+    for k, (sent, speed) in enumerate(commands):
+        turned = commands[k - late][0] if k >= late else 0.0
+        known = slip.learn(known, sent, np.array([speed, turned]), dt)
+    np.testing.assert_allclose(known.shares, 1.0, atol=1e-9)
 
 
 def test_lost_odometry_teaches_nothing():

@@ -1,14 +1,15 @@
-"""Points out of a ``sensor_msgs/PointCloud2``, whichever ROS it came by."""
+"""Points out of and into a ``sensor_msgs/PointCloud2``, whichever ROS it comes by."""
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
 from mp2a.exceptions import InputError
 from mp2a.spatial import Array
 
-_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+_FLOAT32 = 7
+_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", _FLOAT32: "f4", 8: "f8"}
 """PointField's constants as numpy types."""
 
 
@@ -46,6 +47,24 @@ def points(cloud: Cloud) -> Array:
     columns = [_column(cloud, data, name) for name in "xyz"]
     out = np.stack(columns, axis=-1).reshape(-1, 3).astype(np.float64)
     return out[np.isfinite(out).all(axis=1)]
+
+
+def content(flat: Array, header: Any, field: Callable[..., Any]) -> tuple[Any, ...]:
+    """Fields, in their order, of the cloud that holds points of the ground.
+
+    Parameters
+    ----------
+    flat
+        ``(k, 2)`` m; their z is 0.
+    header
+        ``std_msgs/Header`` with the points' frame.
+    field
+        Makes a ``sensor_msgs/PointField`` of its fields.
+    """
+    k = len(flat)
+    data = np.column_stack((flat, np.zeros(k))).astype("<f4").tobytes()
+    columns = [field(name, 4 * i, _FLOAT32, 1) for i, name in enumerate("xyz")]
+    return header, 1, k, columns, False, 12, 12 * k, data, True
 
 
 def _column(cloud: Cloud, data: bytes, name: str) -> np.ndarray:

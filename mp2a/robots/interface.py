@@ -21,6 +21,10 @@ class Sensed(NamedTuple):
     """``(k, 2)`` m in its own frame if a scan has come since the last call, else None."""
     human: bool = False
     """Whether a human drives it at present."""
+    stop_front: bool = False
+    """Whether another program of the robot forbids driving forward."""
+    stop_rear: bool = False
+    """Whether another program of the robot forbids driving backward."""
 
 
 class Robot(Protocol):

@@ -79,7 +79,11 @@ class ChoreographyPlanner:
         self._points[own] = sensed.points
         commands = self.dance.step(t, self._poses, self._twists, self._points if self._has_lidar else None)
         error = bool(self.dance.state.error[own])
-        return Decision(commands[own], bool(self.dance.blocked[own]) and not error, error, self.dance.done)
+        asked = self.dance.state.asked[own, 0]
+        held = bool((sensed.stop_front and asked > 0) or (sensed.stop_rear and asked < 0))
+        done = self.dance.done or (held and bool(self.dance.ended.all()))
+        blocked = (held or bool(self.dance.blocked[own])) and not error
+        return Decision(commands[own] * (not held, 1.0), blocked, error, done)
 
 
 def origin_of(place: Array, pose: Array) -> Array:

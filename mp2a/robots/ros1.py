@@ -1,8 +1,9 @@
-"""A robot over ROS 1: odometry, transforms and points in; commands through the watchdog, or only shown.
+"""A robot over ROS 1: odometry, transforms, points and stop signals in; commands through the watchdog, or only shown.
 
 rospy comes with a ROS installation (Debian: ``ros-core`` and its message packages), not from the package index.
 """
 
+import math
 import threading
 from typing import Any
 
@@ -13,9 +14,9 @@ from mp2a.formation.choreography.obstacles import from_cloud
 from mp2a.robots.cloud import points as cloud_points
 from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.robots.odometry import LastSeen, heading, rotation
+from mp2a.robots.outlets import Wire, outlets
 from mp2a.robots.ros1_node import NO_ROS, connect, sound_request
 from mp2a.robots.sender import Sender
-from mp2a.robots.sound import sound_numbers
 from mp2a.robots.table import SYNC_TOPIC, RobotInterface
 from mp2a.spatial import Array
 
@@ -62,11 +63,10 @@ class Ros1Robot:
         if interface.human_topic:
             kind = Twist if interface.message == "Twist" else TwistStamped
             rospy.Subscriber(interface.human_topic, kind, self._human.put, queue_size=1)
+        self._stops = [self._stop_signals(topic) for topic in (interface.stop_front_topic, interface.stop_rear_topic)]
         self._tf = self._transforms()
-        self._sound = None
-        if interface.sound_topic:
-            self._sound = rospy.Publisher(interface.sound_topic, sound_request(), queue_size=10)
-        self._sender = Sender(interface, "ros1", role=role) if armed else None
+        sender = Sender(interface, "ros1", role=role) if armed else None
+        self.send, self.warn, self.close, self._show = outlets(interface, _wire(rospy), sender)
 
     def sense(self) -> Sensed:
         """Tell what has come last; a pose or odometry older than it may be counts as lost."""
@@ -76,26 +76,27 @@ class Ros1Robot:
         if odometry is not None:
             twist = np.array([odometry.twist.twist.linear.x, odometry.twist.twist.angular.z])
         cloud = self._cloud.take()
-        return Sensed(
-            self._pose(odometry), twist, None if cloud is None else self._points(cloud),
-            self._human.within(self._interface.human_pause) is not None,
-        )  # fmt: skip
+        points = None if cloud is None else self._points(cloud)
+        if points is not None:
+            self._show(points)
+        human = self._human.within(self._interface.human_pause) is not None
+        stops = (bool(seen.within(math.inf)) for seen in self._stops)
+        return Sensed(self._pose(odometry), twist, points, human, *stops)
 
-    def send(self, command: Array) -> None:
-        """Hand a command to the watchdog, if armed."""
-        if self._sender is not None:
-            self._sender.send(float(command[0]), float(command[1]))
+    def _stop_signals(self, topic: str) -> LastSeen[bool]:
+        """Listen to what other programs say on a topic of stop signals; it holds until they say otherwise."""
+        from std_msgs.msg import Bool
 
-    def warn(self, text: str | None) -> None:
-        """Say a text, or beep, through sound_play."""
-        if self._sound is not None:
-            sound, command = sound_numbers(text)
-            self._sound.publish(self._sound.data_class(sound, command, 1.0, text or "", ""))
+        seen: LastSeen[bool] = LastSeen()
+        own = self._rospy.get_name()
 
-    def close(self) -> None:
-        """Stop the robot through the watchdog."""
-        if self._sender is not None:
-            self._sender.close()
+        def hear(message: Any) -> None:
+            if message._connection_header["callerid"] != own:
+                seen.put(message.data)
+
+        if topic:
+            self._rospy.Subscriber(self._interface.beside_ready(topic), Bool, hear, queue_size=10, tcp_nodelay=True)
+        return seen
 
     def _transforms(self) -> Any:
         try:
@@ -140,6 +141,17 @@ class Ros1Robot:
             shift, turned = mounted.transform.translation, mounted.transform.rotation
             found = found @ rotation(turned).T + (shift.x, shift.y, shift.z)
         return from_cloud(found)
+
+
+def _wire(rospy: Any) -> Wire:
+    from sensor_msgs.msg import PointCloud2, PointField
+    from std_msgs.msg import Bool, Header
+
+    return Wire(
+        lambda topic, kind: rospy.Publisher(topic, kind, queue_size=10).publish,
+        lambda frame: Header(0, rospy.Time.now(), frame),
+        Bool, sound_request(), PointCloud2, PointField,
+    )  # fmt: skip
 
 
 class Ros1Channel:

@@ -1,5 +1,6 @@
 """Every robot's topics, frames, rates and limits, in one table."""
 
+import posixpath
 from dataclasses import dataclass, fields, replace
 
 from mp2a.checks import positive
@@ -37,11 +38,13 @@ class RobotInterface:
     acquire, release
         Services of a mux that hands out the command topic; empty: it has none.
     pose
-        Where the pose is from: ``tf`` (ROS 1), ``odometry``, or ``stamped``, messages of their own (ROS 2).
+        Where the pose is from: ``tf``, ``odometry``, or ``stamped``, messages of their own (ROS 2).
     fixed_frame, body_frame
         Between which the pose is, m and rad.
     pose_age
         s: an older pose counts as a look-up that failed.
+    tf_topic
+        Of ROS 2: ``tf2_msgs/TFMessage``; those that do not move come on the same with ``_static`` added.
     odometry_topic
         ``nav_msgs/Odometry``; its turn rate must be measured (by a gyroscope), not made of the wheels' turns.
     pose_topic, twist_topic
@@ -52,6 +55,12 @@ class RobotInterface:
         ``sound_play/SoundRequest``; empty: it is mute.
     ready_topic
         ``std_msgs/Bool``: whether all robots have been reached (thesis, chapter 3).
+    stop_front_topic, stop_rear_topic
+        ``std_msgs/Bool``: something is too close to drive forward, or backward (thesis, chapter 3 and section 5.2).
+        Published for the robot's other programs, and obeyed if one of those publishes it. Without a leading slash:
+        beside ``ready_topic``. Empty: neither published nor obeyed.
+    obstacles_topic
+        ``sensor_msgs/PointCloud2``: the points that count, in the body's frame, named likewise. Empty: not published.
 
     Raises
     ------
@@ -72,12 +81,16 @@ class RobotInterface:
     fixed_frame: str = "map"
     body_frame: str = "base_link"
     pose_age: float = 0.3
+    tf_topic: str = "/tf"
     odometry_topic: str = "/odometry/filtered"
     pose_topic: str = "/pose"
     twist_topic: str = "/twist"
     points_topic: str = "/points_filtered"
     sound_topic: str = "/robotsound"
     ready_topic: str = "/all_ready"
+    stop_front_topic: str = "stop_front"
+    stop_rear_topic: str = "stop_rear"
+    obstacles_topic: str = "obstacles"
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -100,6 +113,10 @@ class RobotInterface:
             raise InputError(f"command_topic: got {self.command_topic}, expected another one than the human's")
         if bool(self.acquire) != bool(self.release):
             raise InputError(f"acquire, release: got {self.acquire!r}, {self.release!r}, expected both or none")
+
+    def beside_ready(self, topic: str) -> str:
+        """Complete the name of a topic that has no leading slash; empty stays empty."""
+        return posixpath.join(posixpath.dirname(self.ready_topic), topic) if topic else ""
 
 
 INTERFACES = {

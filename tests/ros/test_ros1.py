@@ -32,7 +32,7 @@ while True:
 """
 
 
-def test_commands_arrive_at_rate_and_after_sigkill_only_zeros(master):
+def test_commands_arrive_at_rate_and_after_sigkill_only_zeros(master, metronome):
     from geometry_msgs.msg import Twist
 
     listener = Listener("/wire/nav/cmd_vel", Twist)
@@ -44,6 +44,7 @@ def test_commands_arrive_at_rate_and_after_sigkill_only_zeros(master):
     planner.wait()
     time.sleep(2)
     listener.close()
+    metronome.check()
     driven = [(t, m) for t, m in listener.heard if m.linear.x]
     gaps = np.diff([t for t, _ in driven])
     print(f"{len(driven)} commands, median gap {np.median(gaps):.5f} s, longest {gaps.max():.4f} s")
