@@ -217,8 +217,9 @@ class Foreign:
     def new(self, kind, **values):
         return self.store.types[kind](**values)
 
-    def header(self, frame):
-        time = self.new("builtin_interfaces/msg/Time", sec=0, nanosec=0)
+    def header(self, frame, t):
+        sec, nanosec = divmod(round(t * SECOND), SECOND)
+        time = self.new("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
         return self.new("std_msgs/msg/Header", seq=0, stamp=time, frame_id=frame)
 
     def vector(self, x, y, z, kind="Vector3"):
@@ -238,7 +239,7 @@ class Foreign:
     def transform(self, t, topic, parent, child, at, yaw, node):
         moved = self.new("geometry_msgs/msg/Transform", translation=self.vector(*at), rotation=self.turned(yaw))
         found = self.new(
-            "geometry_msgs/msg/TransformStamped", header=self.header(parent), child_frame_id=child, transform=moved
+            "geometry_msgs/msg/TransformStamped", header=self.header(parent, t), child_frame_id=child, transform=moved
         )
         self.put(t, topic, "tf2_msgs/msg/TFMessage", node, transforms=[found])
 
@@ -246,7 +247,7 @@ class Foreign:
         place = self.new("geometry_msgs/msg/Pose", position=self.vector(x, 0, 0, "Point"), orientation=self.turned(0))
         pose = self.new("geometry_msgs/msg/PoseWithCovariance", pose=place, covariance=np.zeros(36))
         twist = self.new("geometry_msgs/msg/TwistWithCovariance", twist=self.twist(speed, 0), covariance=np.zeros(36))
-        header = self.header("odom")
+        header = self.header("odom", t)
         self.put(
             t, "/odometry/filtered", "nav_msgs/msg/Odometry", header=header, child_frame_id="b", pose=pose, twist=twist
         )
@@ -258,8 +259,8 @@ class Foreign:
         ]
         data = np.asarray(points, "<f8")
         self.put(
-            t, "/points_filtered", "sensor_msgs/msg/PointCloud2", header=self.header(frame), height=1, width=len(data),
-            fields=fields, is_bigendian=False, point_step=24, row_step=24 * len(data),
+            t, "/points_filtered", "sensor_msgs/msg/PointCloud2", header=self.header(frame, t), height=1,
+            width=len(data), fields=fields, is_bigendian=False, point_step=24, row_step=24 * len(data),
             data=data.reshape(-1).view(np.uint8), is_dense=True,
         )  # fmt: skip
 
@@ -297,7 +298,7 @@ def test_a_bag_of_a_robot_gives_its_pose_speeds_and_points(husky):
     assert robot.epoch == 1_700_000_003 * SECOND
     for k in range(120):
         robot.advance(0.05 * k)
-        pose, twist, points, human = robot.sense()
+        pose, twist, points, human, *_ = robot.sense()
         t = 0.02 * round(0.05 * k / 0.02 + 1e-6)
         np.testing.assert_allclose(pose, [1.0, 2.0 + 0.5 * t, np.pi / 2], atol=0.011)
         np.testing.assert_allclose(twist, [0.5 if k else 0.0, 0.0], atol=1e-12)

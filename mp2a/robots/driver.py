@@ -80,7 +80,7 @@ class Driver:
         wanted = slip.compensate(self._slip, decision.command, speed)
         command = limits.approach(self._sent, limits.saturate(wanted, self._fastest), self._most, self._dt)
         # The robot brakes as hard as it can; a ramp of ours would only be slower.
-        return np.array([0.0, command[1]]) if decision.blocked else command
+        return command * (not decision.blocked, not decision.turn_held)
 
     def _make_sound(self, t: float, blocked: bool) -> None:
         self._sound = sound.sound(self._sound, blocked, t)

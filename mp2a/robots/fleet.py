@@ -116,8 +116,9 @@ def build(
     in_place = adapter.own_frames and found.origin == "in-place"
     drivers = []
     for role, robot in zip(roles, made.robots, strict=True):
-        planner = ChoreographyPlanner(dance(), role, robot.has_lidar)
-        drivers.append(Driver(role, robot, found.interfaces[role], planner, in_place))
+        interface = found.interfaces[role]
+        planner = ChoreographyPlanner(dance(), role, robot.has_lidar, interface.points_age)
+        drivers.append(Driver(role, robot, interface, planner, in_place))
     if made.pace is not None:
         epochs = made.epochs or [EPOCH] * len(roles)
         return Crew(drivers, made.pace, dict(zip(roles, epochs, strict=True)), made.report)

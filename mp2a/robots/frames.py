@@ -1,4 +1,4 @@
-"""Where frames are in each other: the newest transform of each, put together along the tree; what tf2 is to ROS 1.
+"""Where frames are in each other: the newest transform of each, put together along the tree; for who has no tf2.
 
 Between two transforms nothing is interpolated: each link of a chain is taken as it was last heard.
 """
@@ -132,6 +132,10 @@ class Transforms:
         oldest = min(true_at, base_true_at)
         age = 0.0 if math.isinf(oldest) else self._steady() - oldest
         return Found(base_turn.T @ turn, base_turn.T @ (shift - base_shift), age)
+
+    def known(self) -> str:
+        """Tell which there are."""
+        return ", ".join(f"{link.parent} to {child}" for child, link in self._links.items()) or "none"
 
     def _up(self, frame: str) -> dict[str, tuple[Array, Array, float]]:
         """Turn, shift and time of a frame in itself and in each of its parents, nearest first."""

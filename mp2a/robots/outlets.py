@@ -64,9 +64,9 @@ def outlets(interface: RobotInterface, wire: Wire, sender: Sender | None) -> Out
         return wire.writer(topic, kind) if topic else _nowhere
 
     say = writer(interface.sound_topic, wire.sound)
-    stop_front = writer(interface.beside_ready(interface.stop_front_topic), wire.flag)
-    stop_rear = writer(interface.beside_ready(interface.stop_rear_topic), wire.flag)
-    show_points = writer(interface.beside_ready(interface.obstacles_topic), wire.cloud)
+    stop_front = writer(interface.stop_front_topic, wire.flag)
+    stop_rear = writer(interface.stop_rear_topic, wire.flag)
+    show_points = writer(interface.obstacles_topic, wire.cloud)
     length, width = np.array([interface.model.length]), np.array([interface.model.width])
 
     def send(command: Array) -> None:

@@ -8,6 +8,7 @@ from mp2a.exceptions import InputError
 from mp2a.formation.choreography import follower
 from mp2a.formation.choreography.places import compose
 from mp2a.formation.choreography.runner import Choreography
+from mp2a.formation.odometry import Odometry, into_frame, onto_ground
 from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.spatial import Array
 
@@ -19,6 +20,8 @@ class Decision(NamedTuple):
     """``(2,)`` m/s and rad/s before slip and acceleration are looked at."""
     blocked: bool
     """A stop signal keeps it from driving where it should."""
+    turn_held: bool
+    """A point keeps it from turning where it should."""
     error: bool
     """It is in its error state, for good."""
     done: bool
@@ -49,12 +52,15 @@ class ChoreographyPlanner:
         Which of its robots.
     has_lidar
         Whether points are to come; if so, their absence is an error.
+    points_age
+        s that points are old when they come; they are moved by what the robot has driven since.
     """
 
-    def __init__(self, dance: Choreography, role: str, has_lidar: bool) -> None:
+    def __init__(self, dance: Choreography, role: str, has_lidar: bool, points_age: float = 0.0) -> None:
         if role not in dance.robots:
             raise InputError(f"role: got {role!r}, expected one of {', '.join(dance.robots)}")
-        self.dance, self._has_lidar = dance, has_lidar
+        self.dance, self._has_lidar, self._points_age = dance, has_lidar, points_age
+        self._odometry = Odometry(1)
         self._own = dance.robots.index(role)
         n = len(dance.robots)
         # Of the others nothing is known here, so here they are lost; their own processes know better.
@@ -76,14 +82,27 @@ class ChoreographyPlanner:
         own = self._own
         self._poses[own] = sensed.pose
         self._twists[own] = sensed.twist
-        self._points[own] = sensed.points
+        self._points[own] = self._now(t, sensed)
         commands = self.dance.step(t, self._poses, self._twists, self._points if self._has_lidar else None)
         error = bool(self.dance.state.error[own])
         asked = self.dance.state.asked[own, 0]
         held = bool((sensed.stop_front and asked > 0) or (sensed.stop_rear and asked < 0))
         done = self.dance.done or (held and bool(self.dance.ended.all()))
         blocked = (held or bool(self.dance.blocked[own])) and not error
-        return Decision(commands[own] * (not held, 1.0), blocked, error, done)
+        turn_held = bool(self.dance.turn_held[own])
+        return Decision(commands[own] * (not held, 1.0), blocked, turn_held, error, done)
+
+    def _now(self, t: float, sensed: Sensed) -> Array | None:
+        """Points where they are now, seen from the robot; as they came while it does not know where it is."""
+        if not np.isfinite(sensed.pose).all():
+            return sensed.points
+        self._odometry.add(t, sensed.pose[None])
+        if sensed.points is None:
+            return None
+        then = self._odometry.at(np.array([t - self._points_age]))[0]
+        if (then == sensed.pose).all():  # it stands: rounding shall not move points from cell to cell
+            return sensed.points
+        return into_frame(onto_ground(np.asarray(sensed.points, dtype=float), then), sensed.pose)
 
 
 def origin_of(place: Array, pose: Array) -> Array:

@@ -13,11 +13,11 @@ from mp2a.formation.choreography.obstacles import from_cloud
 from mp2a.robots.bag_reader import BagReader, Message, bag_of
 from mp2a.robots.bag_topics import topics
 from mp2a.robots.cloud import points as cloud_points
+from mp2a.robots.frames import Transforms
 from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.robots.odometry import heading
 from mp2a.robots.steps import EVENTS
 from mp2a.robots.table import RobotInterface
-from mp2a.robots.transforms import Transforms
 from mp2a.spatial import Array
 
 _SECOND = 1_000_000_000
@@ -85,7 +85,7 @@ class RecordedRobot:
         self._ahead: deque[Message] = deque()
         self._motion = "twist_topic" if interface.pose == "stamped" else "odometry_topic"
         self._half = round(_SECOND / interface.rate / 2)
-        self._transforms = Transforms()
+        self._transforms = Transforms(self._clock, self._clock)
         self._last: dict[str, tuple[int, Any]] = {}
         self._cloud: Message | None = None
         self._seen: Array = np.empty((0, 2))
@@ -93,7 +93,7 @@ class RecordedRobot:
         self.unplaced = ""
         self.difference = Difference(0, np.zeros(2), np.zeros(2))
         self._time = 0.0
-        self._latest = self._moment = 0
+        self._latest = self._moment = self._now = 0
         try:
             self.epoch = self._find_start(begin)
             self._sensed = self._make()
@@ -132,6 +132,9 @@ class RecordedRobot:
     def close(self) -> None:
         """Close the recording."""
         self._bag.close()
+
+    def _clock(self) -> float:
+        return self._now / _SECOND
 
     def _find_start(self, begin: float | None) -> int:
         if not self._pull():
@@ -182,6 +185,7 @@ class RecordedRobot:
             message = self._ahead.popleft()
             self._latest = message.stamp
             self._take(message)
+        self._now = stamp
 
     def _take(self, message: Message) -> None:
         if message.field == "points_topic":  # decoded only if it is the last one of a tick
@@ -189,8 +193,9 @@ class RecordedRobot:
             return
         content = self._bag.decode(message)
         if message.field in ("tf", "tf_static"):
+            self._now = message.stamp
             for transform in content.transforms:
-                self._transforms.put(transform, message.stamp if message.field == "tf" else None)
+                self._transforms.put(transform, fixed=message.field == "tf_static")
         elif message.field == "events":
             texts = {f"{self.role} {text}": holds for text, holds in zip(_HUMAN, (True, False), strict=True)}
             self._human = texts.get(content.data, self._human)
@@ -212,12 +217,12 @@ class RecordedRobot:
         told = None if message is None else message.pose if interface.pose == "stamped" else message.pose.pose
         if interface.pose != "tf":
             return NO_POSE if told is None else np.array([told.position.x, told.position.y, heading(told.orientation)])
-        since = self._moment - round(interface.pose_age * _SECOND)
-        found = self._transforms.look_up(interface.fixed_frame, interface.body_frame, since)
+        found = self._transforms.look_up(interface.fixed_frame, interface.body_frame)
         # Odometry of ours says at once that the pose was lost; a transform that is no more sent does not.
-        if found is None or (told is not None and math.isnan(told.position.x)):
+        lost = told is not None and math.isnan(told.position.x)
+        if found is None or found.age > interface.pose_age or lost:
             return NO_POSE
-        return np.array([found[0, 3], found[1, 3], math.atan2(found[1, 0], found[0, 0])])
+        return np.array([found.shift[0], found.shift[1], found.heading])
 
     def _twist(self) -> Array:
         message = self._newest(self._motion, self.interface.pose_age)
@@ -235,11 +240,11 @@ class RecordedRobot:
             found = cloud_points(cloud)
         except InputError as error:
             raise InputError(f"recording: {self.path}: points at {message.stamp} ns: {error}") from None
-        mounted = self._transforms.look_up(body, cloud.header.frame_id, self._moment - round(_TF_KEPT * _SECOND))
-        if mounted is None:
+        mounted = self._transforms.look_up(body, cloud.header.frame_id)
+        if mounted is None or mounted.age > _TF_KEPT:
             self.unplaced = cloud.header.frame_id
             return None
-        self._seen = from_cloud(found @ mounted[:3, :3].T + mounted[:3, 3])
+        self._seen = from_cloud(mounted.apply(found))
         return self._seen
 
 

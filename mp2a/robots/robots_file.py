@@ -21,7 +21,7 @@ _MODEL_FIELDS = {field.name: field.type for field in dataclasses.fields(RobotMod
 _FIELDS = {field.name: field.type for field in dataclasses.fields(RobotInterface) if field.name != "model"}
 _TOPICS = (
     "command_topic", "human_topic", "odometry_topic", "pose_topic", "twist_topic", "points_topic", "sound_topic",
-    "ready_topic", "acquire", "release",
+    "ready_topic", "stop_front_topic", "stop_rear_topic", "obstacles_topic", "acquire", "release",
 )  # fmt: skip
 _FRAMES = ("fixed_frame", "body_frame")
 

@@ -95,7 +95,7 @@ class Ros1Robot:
                 seen.put(message.data)
 
         if topic:
-            self._rospy.Subscriber(self._interface.beside_ready(topic), Bool, hear, queue_size=10, tcp_nodelay=True)
+            self._rospy.Subscriber(topic, Bool, hear, queue_size=10, tcp_nodelay=True)
         return seen
 
     def _transforms(self) -> Any:

@@ -45,7 +45,7 @@ class Ros2Robot:
         kind = Twist if interface.message == "Twist" else TwistStamped
         self._by_hand = node.reader(interface.human_topic, kind) if interface.human_topic else None
         self._human_at = -math.inf
-        stops = (interface.beside_ready(topic) for topic in (interface.stop_front_topic, interface.stop_rear_topic))
+        stops = (interface.stop_front_topic, interface.stop_rear_topic)
         self._stop_readers = [node.reader(topic, Bool, own=False) if topic else None for topic in stops]
         self._stops = [False, False]
         sender = Sender(interface, "ros2", role=role) if armed else None

@@ -1,6 +1,5 @@
 """Every robot's topics, frames, rates and limits, in one table."""
 
-import posixpath
 from dataclasses import dataclass, fields, replace
 
 from mp2a.checks import positive
@@ -51,16 +50,17 @@ class RobotInterface:
         ``geometry_msgs/PoseStamped`` and ``TwistStamped``, only used if the pose is ``stamped``.
     points_topic
         ``sensor_msgs/PointCloud2`` without the robot's own body; empty: it has no LIDAR.
+    points_age
+        s that points are old when they come (thesis, chapter 2: "approximately 300 ms").
     sound_topic
         ``sound_play/SoundRequest``; empty: it is mute.
     ready_topic
         ``std_msgs/Bool``: whether all robots have been reached (thesis, chapter 3).
     stop_front_topic, stop_rear_topic
         ``std_msgs/Bool``: something is too close to drive forward, or backward (thesis, chapter 3 and section 5.2).
-        Published for the robot's other programs, and obeyed if one of those publishes it. Without a leading slash:
-        beside ``ready_topic``. Empty: neither published nor obeyed.
+        Published for the robot's other programs, and obeyed if one of those publishes it. Empty: neither.
     obstacles_topic
-        ``sensor_msgs/PointCloud2``: the points that count, in the body's frame, named likewise. Empty: not published.
+        ``sensor_msgs/PointCloud2``: the points that count, in the body's frame. Empty: not published.
 
     Raises
     ------
@@ -86,11 +86,12 @@ class RobotInterface:
     pose_topic: str = "/pose"
     twist_topic: str = "/twist"
     points_topic: str = "/points_filtered"
+    points_age: float = 0.3
     sound_topic: str = "/robotsound"
     ready_topic: str = "/all_ready"
-    stop_front_topic: str = "stop_front"
-    stop_rear_topic: str = "stop_rear"
-    obstacles_topic: str = "obstacles"
+    stop_front_topic: str = "/stop_front"
+    stop_rear_topic: str = "/stop_rear"
+    obstacles_topic: str = "/obstacles"
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -113,10 +114,6 @@ class RobotInterface:
             raise InputError(f"command_topic: got {self.command_topic}, expected another one than the human's")
         if bool(self.acquire) != bool(self.release):
             raise InputError(f"acquire, release: got {self.acquire!r}, {self.release!r}, expected both or none")
-
-    def beside_ready(self, topic: str) -> str:
-        """Complete the name of a topic that has no leading slash; empty stays empty."""
-        return posixpath.join(posixpath.dirname(self.ready_topic), topic) if topic else ""
 
 
 INTERFACES = {

@@ -21,6 +21,7 @@ from mp2a.robots.table import INTERFACES
 pytestmark = pytest.mark.ros
 BESIDE = (Path(__file__).parents[2] / "examples" / "scenarios" / "listing_7_1.txt").read_text()
 PERIOD = 12  # steps of 1/240 s
+HERE = INTERFACES["husky"]
 
 
 class InPhysics:
@@ -69,9 +70,10 @@ def drive(text, lidar, seed, longest=60.0):
     open_world()
     robots = [InPhysics(Husky(*place), lidar, rng) for place in Choreography(scenario, HUSKY).places()]
     drivers = [
-        Driver(role, robot, INTERFACES["husky"], ChoreographyPlanner(Choreography(scenario, HUSKY), role, lidar))
+        Driver(role, robot, HERE, ChoreographyPlanner(Choreography(scenario, HUSKY), role, lidar, HERE.points_age))
         for role, robot in zip(scenario.robots, robots, strict=True)
     ]
+    ticks = {role: [] for role in scenario.robots}
     began, done = round(1 / STEP), set()  # a second to come to rest on the floor, and for points
     turns = [began + int(late) for late in rng.integers(0, PERIOD, len(robots))]
     for step in range(began + round(longest / STEP)):
@@ -82,17 +84,17 @@ def drive(text, lidar, seed, longest=60.0):
             for robot in robots:
                 robot.scan()
         for driver, turn in zip(drivers, turns, strict=True):
-            if step == turn:
-                driver.begin()
-            if step >= turn and (step - turn) % PERIOD == 0 and driver.tick((step - began) * STEP).done:
-                done.add(driver.role)
+            if step >= turn and (step - turn) % PERIOD == 0:
+                ticks[driver.role].append(driver.tick((step - began) * STEP))
+                if ticks[driver.role][-1].done:
+                    done.add(driver.role)
         if len(done) == len(drivers):
             break
     assert len(done) == len(drivers)
-    assert not any(step.error for driver in drivers for step in driver.steps)
+    assert not any(tick.error for each in ticks.values() for tick in each)
     errors = np.array([
-        path_error(*(np.array([getattr(s, name)[:2] for s in driver.steps]) for name in ("pose", "leader")))
-        for driver in drivers
+        path_error(*(np.array([getattr(tick, name)[:2] for tick in each]) for name in ("pose", "leader")))
+        for each in ticks.values()
     ])  # fmt: skip
     print(f"{'LIDAR' if lidar else 'blind'}, seed {seed}: path errors {errors.round(2)} m")
     return [np.array(robot.track) for robot in robots], errors

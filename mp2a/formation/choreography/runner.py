@@ -189,6 +189,12 @@ class Choreography:
         linear, seen = self.state.asked[:, 0], self.state.seen
         return (seen.front & (linear > 0)) | (seen.rear & (linear < 0))
 
+    @property
+    def turn_held(self) -> NDArray[np.bool_]:
+        """Which robots a point keeps from turning as they should, ``(n,)``."""
+        turn, seen = self.state.asked[:, 1], self.state.seen
+        return (seen.left & (turn > 0)) | (seen.right & (turn < 0))
+
     def places(self) -> Array:
         """Poses the robots are to have at present, ``(n, 3)``; before the first step where they are to start."""
         place = self.state.leaders.place
@@ -320,8 +326,7 @@ class Choreography:
         limits = np.column_stack((self.fleet.max_speed, self.fleet.max_turn_rate))
         out = np.clip(asked, -limits, limits)
         out[self.blocked, 0] = 0.0
-        turn, seen = out[:, 1], self.state.seen
-        out[(seen.left & (turn > 0)) | (seen.right & (turn < 0)), 1] = 0.0
+        out[self.turn_held, 1] = 0.0
         out[self.state.error | ~known] = 0.0
         return out
 
