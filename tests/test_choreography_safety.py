@@ -210,24 +210,28 @@ def test_robots_are_where_they_are_expected(name):
     assert np.quantile(off, 0.95) < TARGET_TOLERANCE
 
 
-def test_robots_are_expected_at_their_distance_whatever_it_was_before():
-    """On a straight lane along x, with a point every 0.1 m, for a distance that grows and falls."""
-    queues = follower.empty(1)
+def test_robots_are_expected_at_their_distance_and_never_go_back():
+    """On a straight lane along x, with a point every 0.1 m."""
+    queues = follower.empty(1, capacity=8)
     for k in range(101):
+        place = np.array([[-2.0 if k < 60 else -3.0 if k < 80 else -0.5, 0.0]])
+        told = Leaders(np.array([[k / 10, 0.0, 0.0]]), np.ones((1, 2)), np.zeros(1, dtype=np.intp), place)
         queues = follower.push(queues, np.array([[k / 10, 0.0]]))
-    for distance in (2.0, 5.0, 1.0, 9.95):
-        place = np.array([[-distance, 0.0]])
-        told = Leaders(np.array([[10.0, 0.0, 0.0]]), np.ones((1, 2)), np.zeros(1, dtype=np.intp), place)
-        queues, there = fellows.expected(queues, told)
-        assert there[0, 0] == pytest.approx(10 - distance, abs=0.1)
-        # Points that the robot has passed are kept for it, whatever the queue's memory was.
-        passed = follower.empty(1, capacity=8)
-        for k in range(101):
-            passed = follower.push(passed, np.array([[k / 10, 0.0]]))
-            passed = passed._replace(head=np.array([passed.tail]))
-        assert fellows.expected(passed, told)[1][0, 0] == there[0, 0]
-    _, there = fellows.expected(queues, told._replace(place=np.array([[-12.0, 0.5]])))
-    assert there[0].tolist() == [-2.0, 0.5]  # no point is as far: its place behind the leader
+        queues, there = fellows.expected(queues._replace(head=np.array([queues.tail])), told)  # passed points too
+        # The robot waits for a leader that is to be farther away.
+        wanted = k / 10 - 2 if k < 60 else max(k / 10 - 3, 3.9) if k < 80 else k / 10 - 0.5
+        assert there[0, 0] == pytest.approx(max(wanted, 0.0), abs=0.1)
+    assert queues.points.shape[1] < 101
+
+
+def test_a_robot_far_behind_is_expected_on_the_way_to_its_lane():
+    """Its leader is round a corner before it has come to where the leader started."""
+    show = Choreography(parse("robots R1 R2\ncolumn R1;R2 6 0\nmove 3 0\nmove 6 60"), HUSKY)
+    poses, twists = show.places(), np.zeros((2, 2))
+    for tick in range(100):
+        commands = show.step(tick * TICK, poses, twists, None)
+        assert np.hypot(*(show.state.expected[-1] - poses[:, :2]).T).max() < 0.35
+        poses, twists = drive(show.fleet, poses, twists, commands)
 
 
 def test_a_fellow_in_its_place_pushes_nobody_and_stops_all():

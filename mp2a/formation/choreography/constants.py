@@ -34,8 +34,6 @@ TARGET_TOLERANCE = 0.3
 """m at which a point of the queue counts as reached (sections 4.3, 7.2.2)."""
 TARGET_AHEAD = 20
 """Points of the queue, 2 s of the leader's path, among which a reached one takes those before it along; ours."""
-LANE_KEPT = 3000
-"""Points of a queue, 5 min, that are kept after a robot has passed them, to know where fellows are to be; ours."""
 CATCH_UP = 2.0
 """Times the asked distance at which the queue is cleared (section 4.3)."""
 

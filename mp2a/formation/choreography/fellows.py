@@ -9,46 +9,58 @@ because its wheels slip, minds everybody.
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.formation.choreography.constants import LANE_KEPT, TARGET_TOLERANCE, WINDOW
-from mp2a.formation.choreography.follower import Queues, lanes
+from mp2a.formation.choreography.constants import TARGET_TOLERANCE, WINDOW
+from mp2a.formation.choreography.follower import Queues, lanes, push
 from mp2a.formation.choreography.leader import Leaders
 from mp2a.formation.choreography.places import compose, seen_from
 from mp2a.spatial import Array
 
 MEMORY = 5
 """Ticks for which expected places are remembered: LIDAR data are 0.3 s old (thesis, chapter 2), and up to a period."""
+_WAY = 64
+"""Points of the way to where a leader starts."""
 _NEAREST = 8
 """Fellows that are looked for among a robot's points."""
+
+
+def places(leaders: Leaders) -> Array:
+    """Where robots are to stand before their leaders have moved, ``(n, 2)`` m in the ground frame."""
+    place = np.column_stack((leaders.place, np.zeros(len(leaders.place))))
+    return compose(leaders.pose, place)[:, :2]
+
+
+def begin(queues: Queues, leaders: Leaders) -> Queues:
+    """Add the way from where robots stand to where their own leaders start: part of their lanes, but no targets."""
+    share = np.arange(_WAY)[:, None] / _WAY
+    still, own = places(leaders)[:, None], lanes(leaders)[:, None]
+    for point in np.moveaxis(still + share * (own - still), 1, 0):
+        queues = push(queues, point)
+    return queues._replace(head=np.full(len(still), queues.tail))
 
 
 def expected(queues: Queues, leaders: Leaders) -> tuple[Queues, Array]:
     """Where robots are to be: on their lanes, at their distance from their leaders.
 
+    Along its lane a robot goes on as long as it is as far from its leader as asked; one that is too close stands, and
+    nobody goes back.
+
     Returns
     -------
     tuple
-        The queues, and ``(n, 2)`` m in the ground frame: the newest point of a lane that is as far from the leader as
-        asked, looked for from the one of a tick ago; without one, the place in the formation.
+        The queues, and ``(n, 2)`` m in the ground frame.
     """
-    place = np.column_stack((leaders.place, np.zeros(len(leaders.place))))
-    still = compose(leaders.pose, place)[:, :2]
     if not queues.tail:
-        return queues, still
-    rows, own, asked = np.arange(len(place)), lanes(leaders), -leaders.place[:, 0]
+        return queues, places(leaders)
+    rows, own, asked = np.arange(len(leaders.place)), lanes(leaders), -leaders.place[:, 0]
 
     def far(k: NDArray[np.intp]) -> NDArray[np.bool_]:
         out: NDArray[np.bool_] = np.hypot(*(queues.points[rows, k] - own).T) >= asked
         return out
 
-    # No further back than what is kept in any case, so that a robot finds the same whomever else it knows.
-    oldest = max(queues.tail - LANE_KEPT, 0)
-    behind = np.maximum(queues.behind, oldest)
-    while (back := ~far(behind) & (behind > oldest)).any():
-        behind = behind - back
-    while (on := (behind < queues.tail - 1) & far(np.minimum(behind + 1, queues.tail - 1))).any():
+    behind, last = queues.behind, queues.tail - 1
+    while (on := (behind < last) & far(np.minimum(behind + 1, last))).any():
         behind = behind + on
-    there = np.where(far(behind)[:, None], queues.points[rows, behind], still)
-    return queues._replace(behind=behind), there
+    return queues._replace(behind=behind), queues.points[rows, behind]
 
 
 def strange(points: Array, whose: NDArray[np.intp], poses: Array, memory: Array, sizes: Array) -> NDArray[np.bool_]:

@@ -12,7 +12,6 @@ from mp2a.formation.choreography.constants import (
     CATCH_UP,
     FORCE_GAIN,
     GAP_GAIN,
-    LANE_KEPT,
     LEADER_SPEED_SHARE,
     STEER_GAIN,
     TARGET_AHEAD,
@@ -35,7 +34,7 @@ class Queues(NamedTuple):
     tail
         One past the newest point, the same for all.
     behind
-        ``(n,)``: the newest point as far from the leader as asked; for `mp2a.formation.choreography.fellows`.
+        ``(n,)``: the point where each robot is to be; for `mp2a.formation.choreography.fellows`.
     """
 
     points: Array
@@ -58,12 +57,12 @@ def push(queues: Queues, points: Array) -> Queues:
     """Add a point ``(n, 2)`` to the end of every queue; points nobody needs any more make room."""
     store, head, tail, behind = queues
     if tail == store.shape[1]:
-        oldest = min(int(head.min()), max(tail - LANE_KEPT, 0))
+        oldest = min(int(head.min()), int(behind.min()))
         kept = store[:, oldest:tail]
         capacity = store.shape[1] if 2 * kept.shape[1] <= store.shape[1] else 2 * store.shape[1]
         store = np.empty((len(store), capacity, 2))
         store[:, : kept.shape[1]] = kept
-        head, tail, behind = head - oldest, tail - oldest, np.maximum(behind - oldest, 0)
+        head, tail, behind = head - oldest, tail - oldest, behind - oldest
     store[:, tail] = points
     return Queues(store, head, tail + 1, behind)
 

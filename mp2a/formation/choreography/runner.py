@@ -155,7 +155,7 @@ class Choreography:
             queues,
             zero,
             np.zeros((n, 2)),
-            np.stack((fellows.expected(queues, began.leaders)[1],) * fellows.MEMORY),
+            np.stack((fellows.places(began.leaders),) * fellows.MEMORY),
             unseen,
             np.full(n, np.nan),
             np.zeros(n, dtype=np.intp),
@@ -294,6 +294,7 @@ class Choreography:
         self._report(state.leaders, leaders, time, first=tick == 0)
         queues = state.queues
         if not leaders.stands.all():
+            queues = queues if queues.tail else fellows.begin(queues, state.leaders)
             queues = follower.push(queues, follower.lanes(leaders))
         queues, there = fellows.expected(queues, leaders)
         expected = np.concatenate((state.expected[1:], there[None]))
