@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mp2a.formation.choreography.constants import TARGET_TOLERANCE, WINDOW
-from mp2a.formation.choreography.follower import Queues, lanes, push
+from mp2a.formation.choreography.follower import Queues, lanes, push, spots
 from mp2a.formation.choreography.leader import Leaders
-from mp2a.formation.choreography.places import compose, seen_from
+from mp2a.formation.choreography.places import seen_from
 from mp2a.spatial import Array
 
 MEMORY = 5
@@ -23,16 +23,10 @@ _NEAREST = 8
 """Fellows that are looked for among a robot's points."""
 
 
-def places(leaders: Leaders) -> Array:
-    """Where robots are to stand before their leaders have moved, ``(n, 2)`` m in the ground frame."""
-    place = np.column_stack((leaders.place, np.zeros(len(leaders.place))))
-    return compose(leaders.pose, place)[:, :2]
-
-
 def begin(queues: Queues, leaders: Leaders) -> Queues:
     """Add the way from where robots stand to where their own leaders start: part of their lanes, but no targets."""
     share = np.arange(_WAY)[:, None] / _WAY
-    still, own = places(leaders)[:, None], lanes(leaders)[:, None]
+    still, own = spots(leaders)[:, None, :2], lanes(leaders)[:, None]
     for point in np.moveaxis(still + share * (own - still), 1, 0):
         queues = push(queues, point)
     return queues._replace(head=np.full(len(still), queues.tail))
@@ -50,7 +44,7 @@ def expected(queues: Queues, leaders: Leaders) -> tuple[Queues, Array]:
         The queues, and ``(n, 2)`` m in the ground frame.
     """
     if not queues.tail:
-        return queues, places(leaders)
+        return queues, spots(leaders)[:, :2]
     rows, own, asked = np.arange(len(leaders.place)), lanes(leaders), -leaders.place[:, 0]
 
     def far(k: NDArray[np.intp]) -> NDArray[np.bool_]:

@@ -74,6 +74,11 @@ def lanes(leaders: Leaders) -> Array:
     return compose(leaders.pose, side)[:, :2]
 
 
+def spots(leaders: Leaders) -> Array:
+    """Poses of the robots' places in their formations, ``(n, 3)`` m and rad, in the ground frame."""
+    return compose(leaders.pose, np.column_stack((leaders.place, np.zeros(len(leaders.place)))))
+
+
 def targets(queues: Queues, leaders: Leaders, poses: Array) -> tuple[Queues, Array, Array]:
     """Choose what each robot drives to, after points it has reached have left its queue.
 

@@ -10,7 +10,6 @@ from mp2a.checks import array, numbers
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography import fellows, follower, leader, obstacles
 from mp2a.formation.choreography.constants import LOST_POSES, SILENCE, TICK
-from mp2a.formation.choreography.places import compose
 from mp2a.formation.choreography.program import END, compile_program
 from mp2a.formation.choreography.scenario import Instruction, Scenario
 from mp2a.formation.choreography.telling import parts, tell
@@ -155,7 +154,7 @@ class Choreography:
             queues,
             zero,
             np.zeros((n, 2)),
-            np.stack((fellows.places(began.leaders),) * fellows.MEMORY),
+            np.stack((follower.spots(began.leaders)[:, :2],) * fellows.MEMORY),
             unseen,
             np.full(n, np.nan),
             np.zeros(n, dtype=np.intp),
@@ -197,8 +196,7 @@ class Choreography:
 
     def places(self) -> Array:
         """Poses the robots are to have at present, ``(n, 3)``; before the first step where they are to start."""
-        place = self.state.leaders.place
-        return compose(self.state.leaders.pose, np.column_stack((place, np.zeros(len(place)))))
+        return follower.spots(self.state.leaders)
 
     def step(self, t: float, poses: ArrayLike, twists: ArrayLike, points: Sequence[ArrayLike | None] | None) -> Array:
         """Commands for the present moment.
