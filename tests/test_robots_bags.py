@@ -18,13 +18,13 @@ from rosbags.highlevel import AnyReader
 
 from mp2a.exceptions import InputError
 from mp2a.formation.robot_models import HUSKY
-from mp2a.robots.bag_reader import BagReader
-from mp2a.robots.bag_topics import EVENTS_TOPIC, topics
-from mp2a.robots.bag_writer import BAGS, BagWriter, bag_path
 from mp2a.robots.cloud import points as cloud_points
 from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.robots.odometry import heading
-from mp2a.robots.recorded import RecordedRobot
+from mp2a.robots.records.bag_reader import BagReader
+from mp2a.robots.records.bag_topics import EVENTS_TOPIC, topics
+from mp2a.robots.records.bag_writer import BAGS, BagWriter, bag_path
+from mp2a.robots.records.recorded import RecordedRobot
 from mp2a.robots.robots_file import within
 from mp2a.robots.steps import BEGINS, Step, events
 from mp2a.robots.table import INTERFACES

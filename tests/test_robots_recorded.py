@@ -15,12 +15,12 @@ from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY
 from mp2a.robots.adapters import EPOCH
-from mp2a.robots.bag_writer import BagWriter, bag_path
 from mp2a.robots.driver import Driver, run
 from mp2a.robots.dry import DryRobot, VirtualPace
 from mp2a.robots.interface import NO_POSE
 from mp2a.robots.planner import ChoreographyPlanner
-from mp2a.robots.recorded import RecordedPace, RecordedRobot, report
+from mp2a.robots.records.bag_writer import BagWriter, bag_path
+from mp2a.robots.records.recorded import RecordedPace, RecordedRobot, report
 from mp2a.robots.robots_file import within
 from mp2a.robots.simulated import SimulatedPace
 from mp2a.robots.table import INTERFACES

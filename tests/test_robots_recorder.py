@@ -19,11 +19,11 @@ from mp2a.cli import drive, main
 from mp2a.exceptions import InputError, MissingError
 from mp2a.robots import fleet
 from mp2a.robots.adapters import ADAPTERS, REAL, Made
-from mp2a.robots.bag_topics import EVENTS_TOPIC
-from mp2a.robots.bag_writer import BAGS
 from mp2a.robots.dry import DryRobot
 from mp2a.robots.interface import Sensed
-from mp2a.robots.recorder import NO_BAG, Orders, Recorder
+from mp2a.robots.records.bag_topics import EVENTS_TOPIC
+from mp2a.robots.records.bag_writer import BAGS
+from mp2a.robots.records.recorder import NO_BAG, Orders, Recorder
 from mp2a.robots.start import Start
 from mp2a.robots.steps import Step
 from mp2a.robots.table import INTERFACES
@@ -39,7 +39,7 @@ import os, signal, sys, time
 from pathlib import Path
 sys.path.insert(0, str(Path(sys.argv[3])))
 from test_robots_recorder import HUSKY, SECOND, step
-from mp2a.robots.recorder import Orders, Recorder
+from mp2a.robots.records.recorder import Orders, Recorder
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs come with it ignored
 roles = ["R1", "R2"]
@@ -251,10 +251,17 @@ def loaded_by(statement):
 
 
 def test_a_planner_loads_its_adapter_alone():
-    everything = {"rosbags", "shapely", "cyclonedds", "rospy", "mp2a.robots.recorded", "mp2a.simulator.simulation"}
-    assert not loaded_by("import mp2a.robots.fleet, mp2a.robots.recorder") & everything
+    everything = {
+        "rosbags",
+        "shapely",
+        "cyclonedds",
+        "rospy",
+        "mp2a.robots.records.recorded",
+        "mp2a.simulator.simulation",
+    }
+    assert not loaded_by("import mp2a.robots.fleet, mp2a.robots.records.recorder") & everything
     assert loaded_by("import mp2a.robots.adapters.simulator") & everything == {"shapely", "mp2a.simulator.simulation"}
-    assert loaded_by("import mp2a.robots.adapters.recording") & everything == {"mp2a.robots.recorded"}
+    assert loaded_by("import mp2a.robots.adapters.recording") & everything == {recorded}
 
 
 def test_the_table_of_adapters_names_modules_that_are_there():

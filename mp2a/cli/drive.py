@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 _BAGS = ("mcap", "ros2", "ros1", "none")
-"""Those of `mp2a.robots.bag_writer`, which is not loaded to parse options, and none."""
+"""Those of `mp2a.robots.records.bag_writer`, which is not loaded to parse options, and none."""
 _WRONG = 2
 """Exit status if something is wrong or missing, as of `mp2a.cli`."""
 _FAILED = 3
@@ -132,7 +132,7 @@ def _recorder(options: argparse.Namespace, found: Any, roles: Any) -> Any:
         if options.bag is not None:
             raise InputError(f"--bag: got {options.bag} without --record, expected --record DIR as well")
         return None
-    from mp2a.robots.recorder import Orders, Recorder
+    from mp2a.robots.records.recorder import Orders, Recorder
 
     real = found.adapter in REAL
     unarmed = ", not armed: commands are not sent" if real and not options.armed else ""

@@ -53,8 +53,8 @@ class FilePublisher:
 
 PUBLISHERS = {
     "file": "mp2a.robots.publishers:FilePublisher",
-    "ros1": "mp2a.robots.ros1_publisher:Ros1Publisher",
-    "ros2": "mp2a.robots.ros2_publisher:Ros2Publisher",
+    "ros1": "mp2a.robots.ros1.publisher:Ros1Publisher",
+    "ros2": "mp2a.robots.ros2.publisher:Ros2Publisher",
 }
 """By name: module and class, imported by the watchdog alone. A new wire is one more line."""
 

@@ -9,7 +9,7 @@ class Listener:
     def __init__(self, topic, kind):
         import rospy
 
-        from mp2a.robots.ros1_node import connect
+        from mp2a.robots.ros1.node import connect
 
         connect("test")
         self.heard = []

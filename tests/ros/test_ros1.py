@@ -174,7 +174,7 @@ def test_nobody_listens(master):
 
 def test_sound_requests_are_those_of_sound_play(master):
     """The sum by which ROS 1 tells types apart is that of Noetic's sound_play."""
-    from mp2a.robots.ros1_node import sound_request
+    from mp2a.robots.ros1.node import sound_request
 
     kind = sound_request()
     assert kind._type == "sound_play/SoundRequest"
@@ -186,7 +186,7 @@ def test_sound_requests_are_those_of_sound_play(master):
 def test_robots_without_mpi_start_together_over_sync(master):
     """Three processes, each a robot of its own, agree over the topic /sync alone."""
     program = (
-        "import sys\nfrom mp2a.robots.channel import agree\nfrom mp2a.robots.ros1 import Ros1Channel\n"
+        "import sys\nfrom mp2a.robots.channel import agree\nfrom mp2a.robots.ros1.robot import Ros1Channel\n"
         "from mp2a.robots.start import Start\nrole = sys.argv[1]\n"
         "print(repr(agree(Start(role, ['R1', 'R2', 'R3'], 2.0), Ros1Channel(role, f'/{role}/all_ready'))))"
     )

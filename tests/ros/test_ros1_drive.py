@@ -155,7 +155,7 @@ def test_a_robot_stops_when_another_program_says_so_and_before_a_wall(huskies, t
     from sensor_msgs.msg import PointCloud2
     from std_msgs.msg import Bool
 
-    from mp2a.robots.ros1_node import connect, sound_request
+    from mp2a.robots.ros1.node import connect, sound_request
 
     connect("test")
     sounds, clouds = Listener("/R1/robotsound", sound_request()), Listener("/R1/obstacles", PointCloud2)

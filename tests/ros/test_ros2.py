@@ -38,7 +38,7 @@ WALL = 3.0
 """m ahead of where the robot begins."""
 
 
-TWO_NODES = "from mp2a.robots.ros2_node import Node; nodes = Node(), Node()"
+TWO_NODES = "from mp2a.robots.ros2.node import Node; nodes = Node(), Node()"
 
 
 def has(*packages):

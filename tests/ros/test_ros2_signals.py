@@ -17,7 +17,7 @@ ROBOT = """
 import json, time
 from dataclasses import replace
 from mp2a.robots.robots_file import within
-from mp2a.robots.ros2 import Ros2Robot
+from mp2a.robots.ros2.robot import Ros2Robot
 from mp2a.robots.table import INTERFACES
 robot = Ros2Robot("R1", within(replace(INTERFACES["husky"], pose="odometry"), "R1"), False)
 while True:
@@ -33,8 +33,8 @@ def test_a_robot_tells_its_stop_signals_and_hears_those_of_others(monkeypatch):
     pytest.importorskip("cyclonedds", reason="no cyclonedds: pip install 'mp2a[ros2]'")
     for name, value in (OURS | {"ROS_DOMAIN_ID": "43"}).items():
         monkeypatch.setenv(name, value)
-    from mp2a.robots.ros2_messages import Bool, Header, PointCloud2, PointField
-    from mp2a.robots.ros2_node import Node, take
+    from mp2a.robots.ros2.messages import Bool, Header, PointCloud2, PointField
+    from mp2a.robots.ros2.node import Node, take
 
     node = Node()
     scan, stop = node.writer("/R1/points_filtered", PointCloud2), node.writer("/R1/stop_rear", Bool)

@@ -2,7 +2,7 @@
 
 from mp2a.exceptions import InputError
 from mp2a.robots.adapters import Made, Order
-from mp2a.robots.recorded import RecordedPace, RecordedRobot, report
+from mp2a.robots.records.recorded import RecordedPace, RecordedRobot, report
 
 
 def make(order: Order) -> Made:

@@ -1,7 +1,7 @@
 """A robot over ROS 1."""
 
 from mp2a.robots.adapters import Made, Order
-from mp2a.robots.ros1 import Ros1Channel, Ros1Robot
+from mp2a.robots.ros1.robot import Ros1Channel, Ros1Robot
 
 
 def make(order: Order) -> Made:

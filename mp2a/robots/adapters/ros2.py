@@ -1,7 +1,7 @@
 """A robot over ROS 2."""
 
 from mp2a.robots.adapters import Made, Order
-from mp2a.robots.ros2 import Ros2Channel, Ros2Robot
+from mp2a.robots.ros2.robot import Ros2Channel, Ros2Robot
 
 
 def make(order: Order) -> Made:

@@ -4,7 +4,7 @@ import time
 
 from mp2a.exceptions import MissingError
 from mp2a.robots.publishers import Settings
-from mp2a.robots.ros2_node import Node, take
+from mp2a.robots.ros2.node import Node, take
 
 _CONNECT = 10.0
 """s for the robot to be found."""
@@ -23,7 +23,7 @@ class Ros2Publisher:
         if settings["acquire"]:
             raise MissingError("ROS 2: acquire: got a service, expected none; muxes that must be asked are ROS 1's")
         node = self._node = Node()
-        from mp2a.robots.ros2_messages import Header, Time, Twist, TwistStamped, Vector3
+        from mp2a.robots.ros2.messages import Header, Time, Twist, TwistStamped, Vector3
 
         self._kinds = Header, Time, Twist, TwistStamped, Vector3
         self._stamped, self._frame = settings["message"] == "TwistStamped", settings["body_frame"]

@@ -7,7 +7,7 @@ import numpy as np
 
 from mp2a.exceptions import MissingError
 from mp2a.formation.choreography.constants import HIGHEST, LOWEST
-from mp2a.robots.bag_topics import topics
+from mp2a.robots.records.bag_topics import topics
 from mp2a.robots.steps import BEGINS, Step, events
 from mp2a.robots.table import RobotInterface
 from mp2a.spatial import Array

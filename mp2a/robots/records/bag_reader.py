@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from mp2a.exceptions import InputError, MissingError
-from mp2a.robots.bag_topics import Topic
+from mp2a.robots.records.bag_topics import Topic
 
 
 class Message(NamedTuple):

@@ -8,8 +8,8 @@ from mp2a.formation.choreography.obstacles import from_cloud
 from mp2a.robots.cloud import points as cloud_points
 from mp2a.robots.interface import Sensed
 from mp2a.robots.outlets import Wire, Write, outlets
-from mp2a.robots.ros2_motion import Frames, motion
-from mp2a.robots.ros2_node import Node, take
+from mp2a.robots.ros2.motion import Frames, motion
+from mp2a.robots.ros2.node import Node, take
 from mp2a.robots.sender import Sender
 from mp2a.robots.table import SYNC_TOPIC, RobotInterface
 from mp2a.spatial import Array
@@ -35,7 +35,7 @@ class Ros2Robot:
 
     def __init__(self, role: str, interface: RobotInterface, armed: bool) -> None:
         node = self._node = Node()
-        from mp2a.robots.ros2_messages import Bool, PointCloud2, Twist, TwistStamped
+        from mp2a.robots.ros2.messages import Bool, PointCloud2, Twist, TwistStamped
 
         self._interface = interface
         self.has_lidar = bool(interface.points_topic)
@@ -77,7 +77,7 @@ class Ros2Robot:
 
 
 def _wire(node: Node) -> Wire:
-    from mp2a.robots.ros2_messages import Bool, Header, PointCloud2, PointField, SoundRequest, Time
+    from mp2a.robots.ros2.messages import Bool, Header, PointCloud2, PointField, SoundRequest, Time
 
     def writer(topic: str, kind: Any) -> Write:
         opened = node.writer(topic, kind)
@@ -100,7 +100,7 @@ class Ros2Channel:
 
     def __init__(self, ready_topic: str) -> None:
         node = self._node = Node()
-        from mp2a.robots.ros2_messages import Bool, String
+        from mp2a.robots.ros2.messages import Bool, String
 
         self._text, self._bool = String, Bool
         self._writer = node.writer(SYNC_TOPIC, String)

@@ -15,7 +15,7 @@ from mp2a.robots.cloud import points as cloud_points
 from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.robots.odometry import LastSeen, heading, rotation
 from mp2a.robots.outlets import Wire, outlets
-from mp2a.robots.ros1_node import NO_ROS, connect, sound_request
+from mp2a.robots.ros1.node import NO_ROS, connect, sound_request
 from mp2a.robots.sender import Sender
 from mp2a.robots.table import SYNC_TOPIC, RobotInterface
 from mp2a.spatial import Array

@@ -10,12 +10,12 @@ import numpy as np
 
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography.obstacles import from_cloud
-from mp2a.robots.bag_reader import BagReader, Message, bag_of
-from mp2a.robots.bag_topics import topics
 from mp2a.robots.cloud import points as cloud_points
 from mp2a.robots.frames import Transforms
 from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.robots.odometry import heading
+from mp2a.robots.records.bag_reader import BagReader, Message, bag_of
+from mp2a.robots.records.bag_topics import topics
 from mp2a.robots.steps import EVENTS
 from mp2a.robots.table import RobotInterface
 from mp2a.spatial import Array

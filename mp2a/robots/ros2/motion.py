@@ -8,7 +8,7 @@ import numpy as np
 from mp2a.robots.frames import Found, Transforms
 from mp2a.robots.interface import NO_POSE
 from mp2a.robots.odometry import LastSeen, heading
-from mp2a.robots.ros2_node import Node, take
+from mp2a.robots.ros2.node import Node, take
 from mp2a.robots.table import RobotInterface
 from mp2a.spatial import Array
 
@@ -55,7 +55,7 @@ class Frames:
     """Transforms out of the topics that they come on, moving ones and fixed ones."""
 
     def __init__(self, node: Node, topic: str) -> None:
-        from mp2a.robots.ros2_messages import TFMessage
+        from mp2a.robots.ros2.messages import TFMessage
 
         self._fixed = node.reader(f"{topic}_static", TFMessage, _TRANSFORMS, reliable=True, kept=True)
         self._moving = node.reader(topic, TFMessage, _TRANSFORMS)
@@ -103,13 +103,13 @@ def _twist(twist: Any) -> Array:
 
 
 def _odometries(node: Node, interface: RobotInterface, _: Frames) -> Odometries:
-    from mp2a.robots.ros2_messages import Odometry
+    from mp2a.robots.ros2.messages import Odometry
 
     return Odometries(node.reader(interface.odometry_topic, Odometry))
 
 
 def _stamped(node: Node, interface: RobotInterface, _: Frames) -> Stamped:
-    from mp2a.robots.ros2_messages import PoseStamped, TwistStamped
+    from mp2a.robots.ros2.messages import PoseStamped, TwistStamped
 
     return Stamped(node.reader(interface.pose_topic, PoseStamped), node.reader(interface.twist_topic, TwistStamped))
 

@@ -1,4 +1,4 @@
-"""The process that writes what robots did; ``python -m mp2a.robots.writer``, started by `mp2a.robots.recorder`.
+"""The process that writes what robots did; ``python -m mp2a.robots.records.writer``, which `Recorder` starts.
 
 It reads pickled objects from its standard input: `Orders`, then a `Tick` for each step. End of input: the planner has
 ended, or was killed, which here makes no difference; the files are finished. It runs in a session of its own and
@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from mp2a.exceptions import InputError, MissingError
-from mp2a.robots.bag_writer import BagWriter, bag_path
-from mp2a.robots.recorder import NO_BAG, READY, Orders, Tick
+from mp2a.robots.records.bag_writer import BagWriter, bag_path
+from mp2a.robots.records.recorder import NO_BAG, READY, Orders, Tick
 from mp2a.robots.steps import COLUMNS, Step, row
 
 _YIELD = 10

@@ -7,7 +7,7 @@ from typing import Any
 
 from mp2a.exceptions import MissingError
 from mp2a.robots.publishers import Settings
-from mp2a.robots.ros1_node import connect
+from mp2a.robots.ros1.node import connect
 
 _ASK_EVERY = 0.5
 """s between two requests for the command topic: the mux takes it away 2 s after the last message."""

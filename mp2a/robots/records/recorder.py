@@ -27,7 +27,7 @@ class Orders(NamedTuple):
 
     folder: Path
     bag: str
-    """One of `mp2a.robots.bag_writer.BAGS`, or `NO_BAG`: only tables."""
+    """One of `mp2a.robots.records.bag_writer.BAGS`, or `NO_BAG`: only tables."""
     interfaces: Mapping[str, RobotInterface]
     """By role."""
     headline: str
@@ -63,7 +63,7 @@ class Recorder:
     def __init__(self, orders: Orders, *, wait: bool) -> None:
         # A session of its own: what ends the planner's group must not end it before the files are whole.
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "mp2a.robots.writer"],
+            [sys.executable, "-m", "mp2a.robots.records.writer"],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True,
         )  # fmt: skip
         assert self._process.stdin is not None and self._process.stdout is not None

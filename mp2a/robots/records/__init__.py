@@ -1,0 +1,1 @@
+"""Drives recorded as tables and bags, and bags played back."""

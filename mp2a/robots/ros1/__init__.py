@@ -1,0 +1,1 @@
+"""Robots over ROS 1, by rospy."""
