@@ -251,14 +251,8 @@ def loaded_by(statement):
 
 
 def test_a_planner_loads_its_adapter_alone():
-    everything = {
-        "rosbags",
-        "shapely",
-        "cyclonedds",
-        "rospy",
-        "mp2a.robots.records.recorded",
-        "mp2a.simulator.simulation",
-    }
+    recorded = "mp2a.robots.records.recorded"
+    everything = {"rosbags", "shapely", "cyclonedds", "rospy", recorded, "mp2a.simulator.simulation"}
     assert not loaded_by("import mp2a.robots.fleet, mp2a.robots.records.recorder") & everything
     assert loaded_by("import mp2a.robots.adapters.simulator") & everything == {"shapely", "mp2a.simulator.simulation"}
     assert loaded_by("import mp2a.robots.adapters.recording") & everything == {recorded}
