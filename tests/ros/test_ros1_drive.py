@@ -229,7 +229,8 @@ def test_killed_planners_leave_robots_that_stand(huskies, tmp_path):
     killed = []
 
     def kill_one():
-        """One of the processes that drive; neither a watchdog nor mpirun."""
+        """One of the processes that drive, once all are up to speed; neither a watchdog nor mpirun."""
+        time.sleep(1)
         for entry in Path("/proc").glob("[0-9]*"):
             with contextlib.suppress(OSError):
                 words = (entry / "cmdline").read_bytes().split(b"\0")
