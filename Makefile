@@ -60,7 +60,7 @@ attempt = timeout --kill-after 10 480 $(1) < /dev/null || echo "NOT INSTALLED: $
 ros: .venv-ros/.installed .venv-ros2/.installed
 
 test-ros: ros
-	.venv-ros/bin/python -m pytest -m ros tests/ros -s -raR || test $$? = 5  # 5: there was nothing to run
+	.venv-ros/bin/python -m pytest -m ros tests/ros -s -raR $(ONLY) || test $$? = 5  # 5: there was nothing to run
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .
