@@ -195,8 +195,8 @@ def test_a_robot_stops_when_another_program_says_so_and_before_a_wall(huskies, t
     assert {m.arg for t, m in sounds.heard if t in said} == {sound.TEXT}
     assert said[0] - stop < 0.5
     at_the_wall = next(t for t in said if t > go)
-    # Its own signals: the wall alone, and the wall is where it says. They are of the points as they came; the robot itself
-    # moves them by what it has driven since, and stops up to so much earlier.
+    # Its own signals: the wall alone, and the wall is where it says. They are of the points as they came; the robot
+    # itself moves them by what it has driven since, and stops a little earlier.
     own = [(t, m) for one in signals for t, m in one.heard if "test" not in m._connection_header["callerid"]]
     assert go < min(t for t, m in own if m.data) < at_the_wall + 1.0
     assert not own[0][1].data
