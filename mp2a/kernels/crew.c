@@ -9,6 +9,7 @@ struct crew {
     integer open;   /* whether there is a job to take pieces of */
     integer active; /* threads that look at the job just now */
     integer next, pieces, chunks, threads; /* chunks: of the one job; 0: every piece is a job of one chunk */
+    integer looks; /* how often to look out for the next job */
     void (*kernel)(integer, integer, integer, integer, integer);
     integer verdict;
     /* Addresses of pointers: to each piece's job and its memory; else to the job, and to each thread's memory. */
@@ -37,10 +38,10 @@ static void work(struct crew *crew, integer thread)
     }
 }
 
-/* Look out for jobs and help with them; returns when there has been none for `looks` looks in a row. */
-void mp2a_help(struct crew *crew, integer thread, integer looks)
+/* Look out for jobs and help with them; returns when there has been none for some looks in a row. */
+void mp2a_help(struct crew *crew, integer thread)
 {
-    for (integer look = 0; look < looks; look++) {
+    for (integer look = 0; look < __atomic_load_n(&crew->looks, __ATOMIC_SEQ_CST); look++) {
         if (__atomic_load_n(&crew->open, __ATOMIC_SEQ_CST)) {
             /* First say so, then look again: a job is only changed when it is closed and nobody is active. */
             __atomic_fetch_add(&crew->active, 1, __ATOMIC_SEQ_CST);

@@ -180,7 +180,7 @@ def _open(path: Path) -> dict[str, Run]:
     kernels["rounds"] = library["mp2a_rounds"]
     kernels["rounds"].argtypes = [ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_ssize_t]
     kernels["rounds"].restype = ctypes.c_longlong
-    for name, addresses in (("help", 3), ("lead", 1)):
+    for name, addresses in (("help", 2), ("lead", 1)):
         kernels[name] = library[f"mp2a_{name}"]
         kernels[name].argtypes = [ctypes.c_ssize_t] * addresses
         kernels[name].restype = None

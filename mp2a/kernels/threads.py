@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from mp2a.kernels.library import Run
     from mp2a.spatial import Array
 
-_LOOKS = 20_000
-"""How often a helper of a crew looks for another job before it sleeps: for some tenths of a millisecond."""
+_LOOKS, _FEW_LOOKS = 20_000, 1_000
+"""How often a helper of a crew looks for another job before it sleeps: after short jobs for some tenths of a
+millisecond; after jobs of milliseconds hardly, for who looks slows the caller down."""
 
 
 class Crew:
@@ -28,7 +29,7 @@ class Crew:
     """
 
     def __init__(self) -> None:
-        self._fields: NDArray[np.int64] = np.zeros(10, dtype=np.int64)  # struct crew
+        self._fields: NDArray[np.int64] = np.zeros(11, dtype=np.int64)  # struct crew
         self._busy, self._counting = threading.Lock(), threading.Lock()
         self._wake = threading.Semaphore(0)
         self._helpers = self._sleeping = 0
@@ -48,21 +49,22 @@ class Crew:
             Memory for each thread, a row each.
         """
         at, verdict, rows = kernels.pointer, np.zeros(1, dtype=np.int64), list(scratch)
-        if not self._share(kernel, (pieces, chunks, len(rows)), [job], verdict, rows):
+        if not self._share(kernel, (pieces, chunks, len(rows)), _LOOKS, [job], verdict, rows):
             kernel(at(job), 0, chunks, at(rows[0]), at(verdict))
         return not verdict[0]
 
     def run_each(self, kernel: Run, jobs: Sequence[NDArray[np.int64]], scratch: Array, threads: int) -> bool:
         """Run a kernel on the one chunk of each job, with a row of scratch memory each; as `run`."""
         at, verdict, rows = kernels.pointer, np.zeros(1, dtype=np.int64), list(scratch)
-        if not self._share(kernel, (len(jobs), 0, threads), jobs, verdict, rows):
+        looks = _LOOKS if len(jobs) <= threads else _FEW_LOOKS  # several jobs a thread last for milliseconds
+        if not self._share(kernel, (len(jobs), 0, threads), looks, jobs, verdict, rows):
             for job, row in zip(jobs, rows, strict=True):
                 kernel(at(job), 0, 1, at(row), at(verdict))
         return not verdict[0]
 
     def _share(
-        self, kernel: Run, sizes: tuple[int, int, int], jobs: Sequence[NDArray[np.int64]], verdict: NDArray[np.int64],
-        rows: Sequence[Array],
+        self, kernel: Run, sizes: tuple[int, int, int], looks: int, jobs: Sequence[NDArray[np.int64]],
+        verdict: NDArray[np.int64], rows: Sequence[Array],
     ) -> bool:  # fmt: skip
         """Do it with helpers; tells whether they were wanted and to be had. ``sizes``: pieces, chunks and threads."""
         if sizes[-1] == 1 or not self._busy.acquire(blocking=False):
@@ -71,7 +73,7 @@ class Crew:
             at = kernels.pointer
             tables: list[NDArray[np.int64]] = [np.array([at(x) for x in each], dtype=np.int64) for each in (jobs, rows)]
             places = (table.ctypes.data for table in tables)
-            self._fields[3:] = *sizes, kernels.crew().address(kernel), at(verdict), *places
+            self._fields[3:] = *sizes, looks, kernels.crew().address(kernel), at(verdict), *places
             self._rouse(sizes[-1] - 1)
             kernels.crew().lead(self._fields.ctypes.data)
         finally:
@@ -91,7 +93,7 @@ class Crew:
     def _help(self, thread: int) -> None:
         help_, fields = kernels.crew().help, self._fields.ctypes.data
         while True:
-            help_(fields, thread, _LOOKS)
+            help_(fields, thread)
             with self._counting:
                 self._sleeping += 1
             self._wake.acquire()
