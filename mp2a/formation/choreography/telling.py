@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from mp2a.chain import Chain
 from mp2a.exceptions import InputError
+from mp2a.formation import plane
 from mp2a.formation.choreography.leader import Leaders
-from mp2a.formation.choreography.places import compose
 from mp2a.formation.choreography.program import MEET, SHAPE, Program
 from mp2a.formation.exchange import Exchange
-from mp2a.formation.plane import Motion, at_rest
+from mp2a.formation.plane import Motion, at_rest, beyond
 from mp2a.spatial import Array
 
 
@@ -96,23 +96,22 @@ def tell(
     joints = at_rest(np.zeros((2 * many, m, 3)))
     joints.pose[:many, :, :2] = links
     if here[0] == 0 and course is not None:
-        place = before.place[0]
-        speed, turn = course.twist[parts.first].T
-        joints.pose[:many, 0] = compose(course.pose[parts.first], (*place, 0.0))
-        joints.velocity[:many, 0] = np.stack((speed - turn * place[1], turn * place[0], turn), axis=-1)
+        leaders = at_rest(course.pose[parts.first])
+        leaders.velocity[:, [0, 2]] = course.twist[parts.first]
+        first = beyond(leaders, at_rest(np.append(before.place[0], 0.0)))
+        joints.pose[:many, 0], joints.velocity[:many, 0] = first.pose, first.velocity
         joints.pose[many:, 0, 0] = course.step[parts.first]
     found = exchange.run(joints, np.zeros_like(joints.pose), wrong).motion
 
     n = len(parts.leader)
     body = np.zeros(n, dtype=np.intp)  # of robots elsewhere: what any robot here can tell
     body[here] = np.arange(m)
-    seen = Motion(*(x[parts.leader, body] for x in found))
-    place = before.place[here[body]]
+    place = at_rest(np.column_stack((before.place[here[body]], np.zeros(n))))
+    seen = plane.before(Motion(*(x[parts.leader, body] for x in found)), place)
     step = np.rint(found.pose[many + parts.leader, body, 0]).astype(np.intp)
-    turn = seen.velocity[:, 2]
     return Leaders(
-        pose=compose(seen.pose, np.column_stack((-place, np.zeros(n)))),
-        twist=np.column_stack((seen.velocity[:, 0] + turn * place[:, 1], turn)),
+        pose=seen.pose,
+        twist=seen.velocity[:, [0, 2]],
         step=step,
         place=parts.places[np.arange(n), step],
     )
