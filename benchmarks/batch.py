@@ -25,7 +25,7 @@ from others import LIBRARIES, is_there
 from rich.console import Console
 
 import mp2a
-from mp2a import Chain, kernels
+from mp2a import Model, kernels
 from mp2a.cores import available_memory
 from mp2a.joints import JOINTS
 from mp2a.kernels.library import CPU_FEATURES
@@ -112,28 +112,28 @@ def main() -> None:
 def run(n: int, samples: int, repeats: int, names: Sequence[str], say: Say) -> dict[str, Any]:
     """Measure contenders on a random chain of n revolute joints."""
     say(f"n = {n}")
-    chain = Chain.random(n)
-    state = chain.random_state(samples)
+    model = Model.random(n)
+    state = model.random_state(samples)
     contenders, left_out = {}, ""
     for name in names:
         kind, _, detail = name.partition(" ")
         if kind in ("rows", "columns"):
-            contenders[name] = ours(chain, state, kind, detail)
+            contenders[name] = ours(model, state, kind, detail)
     theirs = [name for name in names if name not in contenders]
     if theirs:
         try:
-            found = pinocchio(chain, state, threads=2 if "pinocchio 2" in theirs else 1)
+            found = pinocchio(model, state, threads=2 if "pinocchio 2" in theirs else 1)
             contenders |= {name: found[name] for name in theirs}
         except MemoryError as error:
             left_out = str(error)
     # In the order of the headings, whatever was asked for in which.
     contenders = {name: contenders[name] for name in HEADINGS if name in contenders}
-    errors = {name: error_of(contenders[name].run(), chain, state) for name in contenders if name != "loop"}
+    errors = {name: error_of(contenders[name].run(), model, state) for name in contenders if name != "loop"}
     check(errors, "kogge-stone")
     return {"n": n, "seconds": take_turns(contenders, repeats), "errors": errors, "left out": left_out}
 
 
-def ours(chain: Chain, state: State, layout: str, detail: str, forces: np.ndarray | None = None) -> Contender:
+def ours(model: Model, state: State, layout: str, detail: str, forces: np.ndarray | None = None) -> Contender:
     """Make a contender of `mp2a.rnea`: a layout, and what is different from one thread and ``out=``."""
     order = "C" if layout == "rows" else "F"
     dtype = np.float32 if detail == "float32" else np.float64
@@ -142,32 +142,32 @@ def ours(chain: Chain, state: State, layout: str, detail: str, forces: np.ndarra
     keywords: dict[str, Any] = {"threads": 2 if detail == "2" else 1, "dtype": dtype}
     if detail == "bodies":
         keywords["bodies"] = True
-        earlier = mp2a.rnea(chain, q, v, a, forces, **keywords)
-        return Contender(lambda: mp2a.rnea(chain, q, v, a, forces, out=earlier, **keywords).torque, len(q))
+        earlier = mp2a.rnea(model, q, v, a, forces, **keywords)
+        return Contender(lambda: mp2a.rnea(model, q, v, a, forces, out=earlier, **keywords).torque, len(q))
     if detail != "fresh":
         keywords["out"] = out
-    return Contender(lambda: mp2a.rnea(chain, q, v, a, forces, **keywords), len(q))
+    return Contender(lambda: mp2a.rnea(model, q, v, a, forces, **keywords), len(q))
 
 
-def pinocchio(chain: Chain, state: State, threads: int) -> dict[str, Contender]:
+def pinocchio(model: Model, state: State, threads: int) -> dict[str, Contender]:
     """Make pinocchio's contenders; it gets columns, as it wants them, and an array for the result as well."""
     import pinocchio as pin
 
     # The pool is filled by copying.
-    need, free = (threads + 1) * data_bytes(chain.nv), available_memory()
+    need, free = (threads + 1) * data_bytes(model.nv), available_memory()
     if free is not None and need > free:
         raise MemoryError(f"pinocchio's data takes {need / 1e9:.1f} GB, {free / 1e9:.1f} GB are free")
-    model = chain.to_pinocchio()
-    pool = pin.ModelPool(model, threads)
+    pin_model = model.to_pinocchio()
+    pool = pin.ModelPool(pin_model, threads)
     data = pool.getData(0)
     q, v, a = (np.asfortranarray(x.T) for x in state)
-    torque = np.zeros((chain.nv, len(state[0])), order="F")
-    some = [x[: max(1, min(len(x), _LOOPED // len(chain)))] for x in state]
+    torque = np.zeros((model.nv, len(state[0])), order="F")
+    some = [x[: max(1, min(len(x), _LOOPED // len(model)))] for x in state]
 
     def loop() -> None:
         rnea = pin.rnea
         for sample in zip(*some, strict=True):
-            rnea(model, data, *sample)
+            rnea(pin_model, data, *sample)
 
     def parallel(count: int) -> Callable[[], np.ndarray]:
         def call() -> np.ndarray:
@@ -180,10 +180,10 @@ def pinocchio(chain: Chain, state: State, threads: int) -> dict[str, Contender]:
     return found | ({"pinocchio 2": Contender(parallel(2), len(state[0]))} if threads == 2 else {})
 
 
-def error_of(result: Any, chain: Chain, state: State) -> float:
+def error_of(result: Any, model: Model, state: State) -> float:
     """Largest difference from the paper's own method, in numpy, on a few samples; of the largest torque."""
     torque = result.torque if isinstance(result, mp2a.InverseDynamics) else result
-    expected = mp2a.rnea(chain, *(x[:3] for x in state), method="kogge-stone")
+    expected = mp2a.rnea(model, *(x[:3] for x in state), method="kogge-stone")
     return float(np.abs(torque[:3] - expected).max() / np.abs(expected).max())
 
 
@@ -202,21 +202,21 @@ def joints(samples: int, repeats: int, say: Say) -> dict[str, Any]:
     say("joint types")
     n = _JOINT_CHAIN
     rng = np.random.default_rng(0)
-    cases: dict[str, tuple[Chain, np.ndarray | None]] = {}
+    cases: dict[str, tuple[Model, np.ndarray | None]] = {}
     for name in JOINTS:
-        cases[name] = Chain.random(n, joints=(name,)), None
-    cases["all types in turn"] = Chain.random(n, joints=tuple(JOINTS)), None
-    cases["revolute, tree"] = Chain.random(n, branching=4), None
+        cases[name] = Model.random(n, joints=(name,)), None
+    cases["all types in turn"] = Model.random(n, joints=tuple(JOINTS)), None
+    cases["revolute, tree"] = Model.random(n, branching=4), None
     cases["revolute, constant forces"] = cases["revolute"][0], rng.normal(size=(n, 6))
     cases["revolute, forces in each sample"] = cases["revolute"][0], rng.normal(size=(samples, n, 6))
     contenders = {}
-    for case, (chain, forces) in cases.items():
-        state = chain.random_state(samples)
+    for case, (model, forces) in cases.items():
+        state = model.random_state(samples)
         for layout in ("rows", "columns"):
-            contenders[f"{case}: {layout}"] = ours(chain, state, layout, "", forces)
+            contenders[f"{case}: {layout}"] = ours(model, state, layout, "", forces)
         if forces is None:
-            contenders[f"{case}: pinocchio"] = pinocchio(chain, state, 1)["pinocchio"]
-    degrees = {case: chain.nv / n for case, (chain, _) in cases.items()}
+            contenders[f"{case}: pinocchio"] = pinocchio(model, state, 1)["pinocchio"]
+    degrees = {case: model.nv / n for case, (model, _) in cases.items()}
     return {"n": n, "seconds": take_turns(contenders, repeats), "degrees": degrees}
 
 
@@ -239,14 +239,14 @@ def others(sizes: Sequence[int], samples: int, repeats: int, say: Say) -> list[d
     """Measure other libraries that are installed beside ours, and how far their torques are from ours."""
     found = []
     for n in sizes:
-        chain = Chain.random(n)
-        state = chain.random_state(samples)
-        contenders = {"rows": ours(chain, state, "rows", ""), "rows 2": ours(chain, state, "rows", "2")}
-        expected, errors = mp2a.rnea(chain, *state), {}
+        model = Model.random(n)
+        state = model.random_state(samples)
+        contenders = {"rows": ours(model, state, "rows", ""), "rows 2": ours(model, state, "rows", "2")}
+        expected, errors = mp2a.rnea(model, *state), {}
         for name, library in LIBRARIES.items():
             if is_there(library) and n <= library.largest:
                 say(f"n = {n}: {name}, which may have to compile")
-                batch = library.prepare(chain, state)
+                batch = library.prepare(model, state)
                 errors[name] = float(np.abs(batch() - expected).max() / np.abs(expected).max())
                 contenders[name] = Contender(batch, samples)
         check(errors, "ours")

@@ -24,7 +24,7 @@ from measure import Contender, Table, describe, machine, numbers, ratio, save, s
 from rich.console import Console
 
 import mp2a
-from mp2a import Chain, kernels
+from mp2a import Model, kernels
 from mp2a.cores import available_memory
 from mp2a.kernels.long import WORTH_IT
 from mp2a.plot.style import FAINT, LOOKS, Look, canvas, curve, handle, legends, styled, target
@@ -66,13 +66,13 @@ def main() -> None:
             held = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
             spinner.update(f"n = {n}: chain")
             began = time.perf_counter()
-            chain = Chain.random(n)
+            model = Model.random(n)
             built = time.perf_counter() - began
             state = random_state(n)
             began = time.perf_counter()
-            mp2a.rnea(chain, *state)
+            mp2a.rnea(model, *state)
             lengths.append({"n": n, "build": built, "first": time.perf_counter() - began, "memory": held})
-            contenders |= ours(chain, state) | pinocchio(chain, state)
+            contenders |= ours(model, state) | pinocchio(model, state)
         spinner.update("taking turns")
         results["seconds"] = take_turns(contenders, options.repeats)
     save(results, options.out)
@@ -84,45 +84,45 @@ def main() -> None:
 
 
 def random_state(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Make one sample; `Chain.random_state` would give each body a generator of its own, which takes a minute."""
+    """Make one sample; `Model.random_state` would give each body a generator of its own, which takes a minute."""
     rng = np.random.default_rng(0)
     return rng.uniform(-np.pi, np.pi, n), rng.normal(size=n) / np.sqrt(n), rng.normal(size=n) / np.sqrt(n)
 
 
-def ours(chain: Chain, state: tuple[np.ndarray, ...]) -> dict[str, Contender]:
+def ours(model: Model, state: tuple[np.ndarray, ...]) -> dict[str, Contender]:
     """Make a contender for each number of threads that makes a difference; its "samples" are bodies."""
     q, v, a = state
-    out = np.empty(len(chain))
+    out = np.empty(len(model))
 
     def run(threads: int) -> Contender:
-        return Contender(lambda: mp2a.rnea(chain, q, v, a, threads=threads, out=out), len(chain))
+        return Contender(lambda: mp2a.rnea(model, q, v, a, threads=threads, out=out), len(model))
 
-    counts = (1, 2) if len(chain) >= WORTH_IT else (1,)
-    return {f"{threads} {len(chain)}": run(threads) for threads in counts}
+    counts = (1, 2) if len(model) >= WORTH_IT else (1,)
+    return {f"{threads} {len(model)}": run(threads) for threads in counts}
 
 
-def pinocchio(chain: Chain, state: tuple[np.ndarray, ...]) -> dict[str, Contender]:
+def pinocchio(model: Model, state: tuple[np.ndarray, ...]) -> dict[str, Contender]:
     """Make pinocchio's contender where its data fits in a third of the free memory and in a few seconds."""
     free = available_memory()
-    if len(chain) > 512 or (free is not None and 3 * data_bytes(chain.nv) > free):
+    if len(model) > 512 or (free is not None and 3 * data_bytes(model.nv) > free):
         return {}
     import pinocchio as pin
 
-    model = chain.to_pinocchio()
-    data = pin.Data(model)
-    return {f"pinocchio {len(chain)}": Contender(lambda: pin.rnea(model, data, *state), len(chain))}
+    pin_model = model.to_pinocchio()
+    data = pin.Data(pin_model)
+    return {f"pinocchio {len(model)}": Contender(lambda: pin.rnea(pin_model, data, *state), len(model))}
 
 
 def memory(n: int) -> dict[str, float]:
     """Measure this process, in bytes: what chain and state hold, and how much a call adds at its peak."""
-    small = Chain.random(WORTH_IT)
+    small = Model.random(WORTH_IT)
     mp2a.rnea(small, *random_state(len(small)), threads=1)
     del small
     before = resident("VmRSS")
-    chain, state = Chain.random(n), random_state(n)
+    model, state = Model.random(n), random_state(n)
     held = resident("VmRSS")
     Path("/proc/self/clear_refs").write_text("5")  # the peak begins anew
-    mp2a.rnea(chain, *state, threads=1)
+    mp2a.rnea(model, *state, threads=1)
     return {"held": held - before, "added": resident("VmHWM") - held}
 
 

@@ -22,7 +22,7 @@ def ticks(robots: int, shape: str, method: str, count: int) -> np.ndarray:
     reach = 2.0 * robots if shape == "line" else 2.0 * np.sqrt(robots)
     world = Discs(np.column_stack((rng.uniform(-reach, 20, 30), rng.uniform(-3, 3, 30), np.full(30, 0.3))))
     formation = Formation.of(shape, robots)
-    march = March(formation, PATH, OneProcess(formation.chain, method))
+    march = March(formation, PATH, OneProcess(formation.model, method))
     times = []
     for _ in range(2 * count):
         sensed = world.sense(march.state.pose)

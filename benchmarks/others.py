@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mp2a import Chain
+from mp2a import Model
 
 Batch = Callable[[], np.ndarray]
 """Works out the torques ``(T, n)`` once more."""
@@ -27,7 +27,7 @@ class Library(NamedTuple):
     """What is called."""
     largest: int
     """Bodies up to which compiling takes less than a few minutes."""
-    prepare: Callable[[Chain, Samples], Batch]
+    prepare: Callable[[Model, Samples], Batch]
 
 
 def is_there(library: Library) -> bool:
@@ -38,7 +38,7 @@ def is_there(library: Library) -> bool:
         return False
 
 
-def urdf(chain: Chain) -> str:
+def urdf(model: Model) -> str:
     """Write a chain of revolute joints as URDF, on a base."""
     lines = [
         '<?xml version="1.0"?><robot name="chain">',
@@ -49,16 +49,16 @@ def urdf(chain: Chain) -> str:
         '<mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
         "</inertial></link>",
     ]
-    for i, (axis, parent) in enumerate(zip(chain.axes, chain.parents, strict=True)):
+    for i, (axis, parent) in enumerate(zip(model.axes, model.parents, strict=True)):
         names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        places = zip(names, chain.inertias[i][[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]], strict=True)
+        places = zip(names, model.inertias[i][[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]], strict=True)
         inertia = " ".join(f'{name}="{float(number)!r}"' for name, number in places)
         lines.append(
-            f'<link name="body{i}"><inertial><origin xyz="{_numbers(chain.coms[i])}" rpy="0 0 0"/>'
-            f'<mass value="{float(chain.masses[i])!r}"/><inertia {inertia}/></inertial></link>'
+            f'<link name="body{i}"><inertial><origin xyz="{_numbers(model.coms[i])}" rpy="0 0 0"/>'
+            f'<mass value="{float(model.masses[i])!r}"/><inertia {inertia}/></inertial></link>'
             f'<joint name="joint{i:04}" type="revolute"><parent link="{f"body{parent}" if parent >= 0 else "base"}"/>'
-            f'<child link="body{i}"/><origin xyz="{_numbers(chain.translations[i])}" '
-            f'rpy="{_numbers(_roll_pitch_yaw(chain.rotations[i]))}"/><axis xyz="{_numbers(axis)}"/>'
+            f'<child link="body{i}"/><origin xyz="{_numbers(model.translations[i])}" '
+            f'rpy="{_numbers(_roll_pitch_yaw(model.rotations[i]))}"/><axis xyz="{_numbers(axis)}"/>'
             '<limit lower="-100" upper="100" effort="1e9" velocity="1e9"/></joint>'
         )
     return "\n".join([*lines, "</robot>"])
@@ -74,20 +74,20 @@ def _roll_pitch_yaw(rotation: np.ndarray) -> np.ndarray:
     return np.array([roll, pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])
 
 
-def _mujoco(chain: Chain, samples: Samples) -> Batch:
+def _mujoco(model: Model, samples: Samples) -> Batch:
     import mujoco
 
-    model = mujoco.MjModel.from_xml_string(urdf(chain))
-    model.opt.gravity = 0.0, 0.0, -9.81
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    data = mujoco.MjData(model)
+    mj_model = mujoco.MjModel.from_xml_string(urdf(model))
+    mj_model.opt.gravity = 0.0, 0.0, -9.81
+    mj_model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data = mujoco.MjData(mj_model)
     torque = np.empty_like(samples[1])
 
     def run() -> np.ndarray:
         inverse, q, v, a, result = mujoco.mj_inverse, data.qpos, data.qvel, data.qacc, data.qfrc_inverse
         for t, sample in enumerate(zip(*samples, strict=True)):
             q[:], v[:], a[:] = sample
-            inverse(model, data)
+            inverse(mj_model, data)
             torque[t] = result
         return torque
 
@@ -109,41 +109,41 @@ def _with_doubles() -> None:
     jax.config.update("jax_enable_x64", True)
 
 
-def _frax(chain: Chain, samples: Samples) -> Batch:
+def _frax(model: Model, samples: Samples) -> Batch:
     _with_doubles()
     import tempfile
 
     from frax import Robot
 
     with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
-        file.write(urdf(chain))
+        file.write(urdf(model))
         file.flush()
         robot = Robot(file.name)
     up = np.array([0.0, 0.0, 9.81, 0.0, 0.0, 0.0])
     return _on_jax(lambda q, v, a: robot.rnea(q, v, a, up, None), samples)
 
 
-def _mjx(chain: Chain, samples: Samples) -> Batch:
+def _mjx(model: Model, samples: Samples) -> Batch:
     _with_doubles()
     import mujoco
     from mujoco import mjx
 
-    model = mujoco.MjModel.from_xml_string(urdf(chain))
-    model.opt.gravity = 0.0, 0.0, -9.81
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    there = mjx.put_model(model)
-    data = mjx.make_data(model)
+    mj_model = mujoco.MjModel.from_xml_string(urdf(model))
+    mj_model.opt.gravity = 0.0, 0.0, -9.81
+    mj_model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    there = mjx.put_model(mj_model)
+    data = mjx.make_data(mj_model)
     return _on_jax(lambda q, v, a: mjx.inverse(there, data.replace(qpos=q, qvel=v, qacc=a)).qfrc_inverse, samples)
 
 
-def _adam(chain: Chain, samples: Samples) -> Batch:
+def _adam(model: Model, samples: Samples) -> Batch:
     _with_doubles()
     import jax.numpy as jnp
     from adam.jax import KinDynComputations
 
-    joints = [f"joint{i:04}" for i in range(len(chain))]
+    joints = [f"joint{i:04}" for i in range(len(model))]
     down = np.array([0.0, 0.0, -9.81, 0.0, 0.0, 0.0])
-    robot = KinDynComputations(urdf(chain), joints, gravity=down)
+    robot = KinDynComputations(urdf(model), joints, gravity=down)
     pose, rest = jnp.eye(4), jnp.zeros(6)
 
     def one(q: Any, v: Any, a: Any) -> Any:

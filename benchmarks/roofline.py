@@ -23,7 +23,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from measure import Table, describe, machine, numbers, save, show, take_turns
 from rich.console import Console
 
-from mp2a import Chain, kernels
+from mp2a import Model, kernels
 from mp2a.kernels.plan import FORMATS, make_plan
 from mp2a.kernels.symbols import LANES
 from mp2a.plot.style import FAINT, INK, Look, canvas, curve, handle, legends, robots_axis, styled, target
@@ -57,7 +57,7 @@ def main() -> None:
     with Console(stderr=True).status("arithmetic") as spinner:
         results: dict[str, Any] = {"machine": machine(), "samples": options.samples}
         results["peaks"] = peaks.measure()._asdict()
-        results["chains"] = counts.chains()
+        results["chains"] = counts.models()
         results["counts"] = {case: {part: count._asdict() for part, count in counted(case).items()} for case in CASES}
         results["runs"] = []
         for n in options.n:
@@ -78,13 +78,13 @@ def counted(case: str) -> dict[str, counts.Count]:
 
 def run(n: int, samples: int, repeats: int) -> dict[str, Any]:
     """Time all cases of one length, and memory as large as theirs."""
-    chain = Chain.random(n)
-    state = chain.random_state(samples)
+    model = Model.random(n)
+    state = model.random_state(samples)
     size = min(n * samples, _LARGEST_STREAM)
-    scratch = make_plan(chain, FORMATS[np.dtype(np.float64)], bodies=False).scratch
+    scratch = make_plan(model, FORMATS[np.dtype(np.float64)], bodies=False).scratch
     return {
         "n": n,
-        "seconds": take_turns({case: ours(chain, state, *_parts(case)) for case in CASES}, repeats),
+        "seconds": take_turns({case: ours(model, state, *_parts(case)) for case in CASES}, repeats),
         "stream": peaks.streams(size, outputs=1),
         "new": peaks.new_memory(min(18 * n * samples, _LARGEST_STREAM)),
         "scratch bytes": 8 * scratch,

@@ -16,7 +16,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from itertools import chain as chained
+from itertools import model as chained
 
 import numpy as np
 
@@ -59,21 +59,21 @@ def ours(name: str, after: ExitStack) -> dict[str, Run]:
     """Repeat every round of a method many times."""
     from mpi4py import MPI
 
-    from mp2a import Chain
-    from mp2a.leaf import check_state
+    from mp2a import Model
     from mp2a.methods import METHODS
     from mp2a.schedule import Round, Schedule
     from mp2a.transport.interpreter import interpret
     from mp2a.transport.link import MPILink
     from mp2a.transport.mpi import MPITransport
+    from mp2a.validation import check_state
 
     class Interpreted(MPITransport):
         def run(self, *what: object) -> None:
             interpret(*what, self)
 
-    comm, method, chain = MPI.COMM_WORLD, METHODS[name], Chain.random(2)
-    body, gravity = chain.body(comm.Get_rank()), np.zeros(3)
-    state = check_state(body, *chain.random_state(body=comm.Get_rank()), None)
+    comm, method, model = MPI.COMM_WORLD, METHODS[name], Model.random(2)
+    body, gravity = model.body(comm.Get_rank()), np.zeros(3)
+    state = check_state(body, *model.random_state(body=comm.Get_rank()), None)
     once = method.schedule(2)
     times = range(ROUNDS // len(once.rounds))
     many = Schedule(2, tuple(Round(r.recurrence, k, r.transfers) for r in once.rounds for k in times))

@@ -8,7 +8,7 @@ from typing import Any
 
 from mp2a.bench import simulated as bench
 from mp2a.bench.simgrid import NETWORKS
-from mp2a.exceptions import InputError, MissingError
+from mp2a.exceptions import DependencyError, InputError
 from mp2a.plot.simulated import simulated
 
 SIZES = (8, 32, 128, 512, 4096, 65536)
@@ -40,7 +40,7 @@ def main() -> None:
             held = bench.sweep(options.out, sizes, [samples], options.networks, options.limit, given, say)
         table(held)
         print(simulated(held, options.out.with_suffix(".png")))
-    except (InputError, MissingError, OSError) as error:
+    except (InputError, DependencyError, OSError) as error:
         parser.exit(2, f"{error}\n")
 
 

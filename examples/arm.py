@@ -6,7 +6,7 @@ import mp2a
 from mp2a.reference import Reference
 
 quarter = np.pi / 2
-arm = mp2a.Chain.from_dh(
+arm = mp2a.Model.from_dh(
     [
         [0.0, quarter, 0.0, 0.0],
         [0.4318, 0.0, 0.0, 0.0],

@@ -5,8 +5,8 @@ from mpi4py import MPI
 import mp2a
 
 comm = MPI.COMM_WORLD
-chain = mp2a.Chain.uniform(comm.size, axis=(0, 1, 0))  # a row of rods, each hinged to the one before
-with mp2a.DistributedChain(comm, chain) as formation:
+model = mp2a.Model.uniform(comm.size, axis=(0, 1, 0))  # a row of rods, each hinged to the one before
+with mp2a.DistributedModel(comm, model) as formation:
     mine = formation.rnea(q=[0.1], v=[0.2], a=[0.0])
 
 lines = comm.gather(

@@ -3,17 +3,17 @@
 import time
 
 import mp2a
+from mp2a.algebra.affine import DOUBLES
 from mp2a.schedule import kogge_stone
-from mp2a.segments.affine import DOUBLES
 
 N = 512
-chain = mp2a.Chain.random(N, seed=0)
-state = chain.random_state(seed=0)
+model = mp2a.Model.random(N, seed=0)
+state = model.random_state(seed=0)
 
 torque = {}
 for method in ("serial", "kogge-stone"):
     began = time.perf_counter()
-    torque[method] = mp2a.rnea(chain, *state, method=method)
+    torque[method] = mp2a.rnea(model, *state, method=method)
     print(f"{method:<12} {1e3 * (time.perf_counter() - began):6.1f} ms for {N} robots in this one process")
 
 difference = abs(torque["serial"] - torque["kogge-stone"]).max() / abs(torque["serial"]).max()

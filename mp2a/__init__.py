@@ -7,26 +7,26 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mp2a.arrangement import Arrangement as Arrangement
-    from mp2a.chain import Chain as Chain
-    from mp2a.distributed import DistributedChain as DistributedChain
+    from mp2a.distributed import DistributedModel as DistributedModel
     from mp2a.dynamics import placements as placements
     from mp2a.dynamics import rnea as rnea
+    from mp2a.exceptions import DependencyError as DependencyError
     from mp2a.exceptions import InputError as InputError
-    from mp2a.exceptions import MissingError as MissingError
     from mp2a.methods.result import InverseDynamics as InverseDynamics
+    from mp2a.model import Model as Model
     from mp2a.network import EmulatedNetwork as EmulatedNetwork
+    from mp2a.process_grid import ProcessGrid as ProcessGrid
 
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Arrangement": "mp2a.arrangement",
-    "Chain": "mp2a.chain",
-    "DistributedChain": "mp2a.distributed",
+    "ProcessGrid": "mp2a.process_grid",
+    "Model": "mp2a.model",
+    "DistributedModel": "mp2a.distributed",
     "EmulatedNetwork": "mp2a.network",
     "InputError": "mp2a.exceptions",
     "InverseDynamics": "mp2a.methods.result",
-    "MissingError": "mp2a.exceptions",
+    "DependencyError": "mp2a.exceptions",
     "placements": "mp2a.dynamics",
     "rnea": "mp2a.dynamics",
 }

@@ -12,27 +12,28 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike, NDArray
 
 from mp2a import schedule as schedules
-from mp2a.chain import Chain
+from mp2a.algebra.motion import from_joint, view
 from mp2a.checks import array, count, numbers
 from mp2a.exceptions import InputError
-from mp2a.leaf import State, check_gravity, check_state, joint_motion
+from mp2a.joint_kinematics import joint_motion
 from mp2a.methods import METHODS, InverseDynamics, block
 from mp2a.methods.auto import AUTO, Choice, choose
 from mp2a.methods.compact import outwards
+from mp2a.model import Model
 from mp2a.network import EmulatedNetwork
 from mp2a.schedule import Formation, Schedule, shifted
-from mp2a.segments.motion import leaf, view
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.base import Transport
 from mp2a.transport.link import EmulatedLink, Link, make_link, measure
 from mp2a.transport.mpi import MPITransport, agree, raise_together
 from mp2a.transport.trace import TraceTransport
 from mp2a.transport.wait import wait
+from mp2a.validation import JointState, check_gravity, check_state
 
 _SMALL, _LARGE, _ROUNDS = 24, 24_000, 7
 
 
-class DistributedChain:
+class DistributedModel:
     """A formation over a communicator: rank i is robot i and keeps its own body alone.
 
     A serial chain may have more bodies than there are ranks. Then each rank holds a block of consecutive ones, and what
@@ -45,9 +46,9 @@ class DistributedChain:
     ----------
     comm
         Ranks in the order of the chain.
-    chain
+    model
         The whole chain, the same on every rank; only the rank's own bodies are kept. Or a file that every rank reads:
-        one that `Chain.save` wrote (``.npz``), or a URDF. If one rank cannot read it, all raise its error.
+        one that `Model.save` wrote (``.npz``), or a URDF. If one rank cannot read it, all raise its error.
     method
         One of `mp2a.methods.METHODS`, or "auto": the one that needs least time by the formation, the samples and what
         the network costs, which is measured between two ranks; `choice` says which and why.
@@ -93,7 +94,7 @@ class DistributedChain:
         from mpi4py import MPI
         import mp2a
 
-        with mp2a.DistributedChain(MPI.COMM_WORLD, mp2a.Chain.uniform(8)) as robots:
+        with mp2a.DistributedModel(MPI.COMM_WORLD, mp2a.Model.uniform(8)) as robots:
             mine = robots.rnea(q=[0.1], v=[0.2], a=[0.0])
         print(MPI.COMM_WORLD.rank, mine.torque)
     """
@@ -101,7 +102,7 @@ class DistributedChain:
     def __init__(
         self,
         comm: MPI.Intracomm,
-        chain: Chain | str | Path,
+        model: Model | str | Path,
         method: str = AUTO,
         gravity: ArrayLike = GRAVITY,
         *,
@@ -114,7 +115,7 @@ class DistributedChain:
             raise InputError(f"comm: got {type(comm).__name__}, expected an mpi4py intra-communicator")
         self._comm = comm.Dup()
         try:
-            whole, self._gravity, counts, link = self._agree(chain, method, gravity, counts, samples, network)
+            whole, self._gravity, counts, link = self._agree(model, method, gravity, counts, samples, network)
             self._blocks = len(whole) > len(counts)
             nodes = len(counts) if self._blocks else whole.parents
             self.choice = _choose(link, nodes, samples) if method == AUTO else None
@@ -226,13 +227,13 @@ class DistributedChain:
         except InputError as found:
             error = found
         carrier = self._one_way(schedules.motion, state.samples, sound=error is None)
-        path = outwards(leaf(joint_motion(self.part, state)), carrier.schedule, carrier.transport)
+        path = outwards(from_joint(joint_motion(self.part, state)), carrier.schedule, carrier.transport)
         carrier.transport.flush()
         self._all_sound(carrier.transport, error, state.samples, far=False)
         place = view(path[0, 0] if state.single else path[0])
         return place.rotation, place.translation
 
-    def hand_on(self, values: ArrayLike) -> Array | None:
+    def send_to_children(self, values: ArrayLike) -> Array | None:
         """Hand some numbers to the robots that hang on this one, and return those of its parent; collective.
 
         Parameters
@@ -286,7 +287,7 @@ class DistributedChain:
                 transport.close()
             self._comm.Free()
 
-    def __enter__(self) -> "DistributedChain":
+    def __enter__(self) -> "DistributedModel":
         return self
 
     def __exit__(
@@ -296,19 +297,19 @@ class DistributedChain:
 
     def _agree(
         self,
-        chain: Chain | str | Path,
+        model: Model | str | Path,
         method: str,
         gravity: ArrayLike,
         counts: Sequence[int] | None,
         samples: int,
         network: EmulatedNetwork | None,
-    ) -> tuple[Chain, Array, tuple[int, ...], Link]:
+    ) -> tuple[Model, Array, tuple[int, ...], Link]:
         """Check the arguments on every rank and that they are the same on all."""
         error: InputError | None = None
         digest = bytes(32)
         try:
             field = check_gravity(gravity)
-            whole = _read(chain)
+            whole = _read(model)
             _check(whole, method)
             shares = _shares(counts, whole, self._comm.Get_size())
             count("samples", samples)
@@ -321,7 +322,7 @@ class DistributedChain:
         root = np.frombuffer(digest, dtype=np.uint8).copy()
         wait(self._comm.Ibcast(root, 0))
         if root.tobytes() != digest:
-            what = "chain, method, gravity, counts, samples, network"
+            what = "model, method, gravity, counts, samples, network"
             error = InputError(f"{what}: differ from those of rank 0, expected the same on every rank")
         raise_together(self._comm, error)
         return whole, field, shares, link
@@ -349,26 +350,26 @@ class _Carrier(NamedTuple):
     transport: MPITransport
 
 
-def _read(chain: Chain | str | Path) -> Chain:
-    if not isinstance(chain, str | Path):
-        return chain
-    return Chain.load(chain) if Path(chain).suffix == ".npz" else Chain.from_urdf(chain)
+def _read(model: Model | str | Path) -> Model:
+    if not isinstance(model, str | Path):
+        return model
+    return Model.load(model) if Path(model).suffix == ".npz" else Model.from_urdf(model)
 
 
-def _check(chain: Chain, method: str) -> None:
-    if not isinstance(chain, Chain):
-        raise InputError(f"chain: got {type(chain).__name__}, expected an mp2a.Chain")
+def _check(model: Model, method: str) -> None:
+    if not isinstance(model, Model):
+        raise InputError(f"model: got {type(model).__name__}, expected an mp2a.Model")
     if method not in (AUTO, *METHODS):
         raise InputError(f"method: got {method!r}, expected one of {', '.join(map(repr, (AUTO, *METHODS)))}")
 
 
-def _shares(counts: Sequence[int] | None, chain: Chain, ranks: int) -> tuple[int, ...]:
+def _shares(counts: Sequence[int] | None, model: Model, ranks: int) -> tuple[int, ...]:
     """Check how many bodies each rank is to hold."""
-    n = len(chain)
+    n = len(model)
     if n < ranks:
-        raise InputError(f"chain: got {n} bodies for a communicator of {ranks} ranks, expected at least one a rank")
-    if n > ranks and not chain.is_serial:
-        raise InputError(f"chain: got a tree of {n} bodies for a communicator of {ranks} ranks, expected one a rank")
+        raise InputError(f"model: got {n} bodies for a communicator of {ranks} ranks, expected at least one a rank")
+    if n > ranks and not model.is_serial:
+        raise InputError(f"model: got a tree of {n} bodies for a communicator of {ranks} ranks, expected one a rank")
     if counts is None:
         return block.share(n, ranks)
     given = array("counts", counts, (None,), whole=True).tolist()
@@ -392,6 +393,6 @@ def _choose(link: Link, nodes: Formation, samples: int) -> Choice:
     return choose(nodes, samples, float(cost[0]), float(cost[1]))
 
 
-def _at_rest(body: Chain) -> State:
+def _at_rest(body: Model) -> JointState:
     zero = np.zeros((1, body.nv))
-    return State(body.neutral[None], zero, zero, None, single=True)
+    return JointState(body.neutral[None], zero, zero, None, single=True)

@@ -6,22 +6,23 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
 from mp2a import schedule
-from mp2a.chain import Chain
+from mp2a.algebra import motion
 from mp2a.checks import count
 from mp2a.exceptions import InputError
+from mp2a.joint_kinematics import joint_motion
 from mp2a.kernels.plan import FORMATS
-from mp2a.leaf import check_gravity, check_shapes, check_state, check_values, joint_motion
 from mp2a.methods import METHODS, InverseDynamics
 from mp2a.methods.compact import outwards
+from mp2a.model import Model
 from mp2a.recursion import recursion
-from mp2a.segments import motion
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.local import LocalTransport
+from mp2a.validation import check_gravity, check_shapes, check_state, check_values
 
 
 @overload
 def rnea(
-    chain: Chain,
+    model: Model,
     q: ArrayLike,
     v: ArrayLike,
     a: ArrayLike,
@@ -36,7 +37,7 @@ def rnea(
 ) -> Array: ...
 @overload
 def rnea(
-    chain: Chain,
+    model: Model,
     q: ArrayLike,
     v: ArrayLike,
     a: ArrayLike,
@@ -50,7 +51,7 @@ def rnea(
     out: InverseDynamics | None = ...,
 ) -> InverseDynamics: ...
 def rnea(
-    chain: Chain,
+    model: Model,
     q: ArrayLike,
     v: ArrayLike,
     a: ArrayLike,
@@ -67,7 +68,7 @@ def rnea(
 
     Parameters
     ----------
-    chain
+    model
         n bodies.
     q
         Coordinates as pinocchio's, ``(nq,)`` or ``(T, nq)`` for T samples; rad and m. Arrays whose samples lie
@@ -107,7 +108,7 @@ def rnea(
     Examples
     --------
     >>> import mp2a
-    >>> chain = mp2a.Chain.uniform(3, axis=(0, 1, 0))
+    >>> chain = mp2a.Model.uniform(3, axis=(0, 1, 0))
     >>> mp2a.rnea(chain, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]).round(3).tolist()
     [-44.145, -19.62, -4.905]
     """
@@ -116,17 +117,17 @@ def rnea(
     if threads is not None:
         count("threads", threads)
     form = _format(dtype)
-    state = check_shapes(chain, q, v, a, external_forces)
+    state = check_shapes(model, q, v, a, external_forces)
     field = check_gravity(gravity)
-    target, rows = _targets(out, (state.samples, len(chain)), chain.nv, state.single, form, bodies=bodies)
+    target, rows = _targets(out, (state.samples, len(model)), model.nv, state.single, form, bodies=bodies)
     if method == "serial":
         base = np.zeros(12)
         base[6:9] -= field
-        found = recursion(chain, state, base, bodies=bodies, threads=threads, dtype=form, out=target, rows=rows)
+        found = recursion(model, state, base, bodies=bodies, threads=threads, dtype=form, out=target, rows=rows)
         return _report(found.torque, found.bodies, state.single)
-    check_values(chain, state)
+    check_values(model, state)
     chosen = METHODS[method]
-    made = chosen.solve(chain, state, field, chosen.schedule(chain.parents), LocalTransport(len(chain)))
+    made = chosen.solve(model, state, field, chosen.schedule(model.parents), LocalTransport(len(model)))
     torque = made.torque.astype(form, copy=False)
     if target is not None:
         target[...] = torque
@@ -141,12 +142,12 @@ def rnea(
     return InverseDynamics(torque=torque, **parts)
 
 
-def placements(chain: Chain, q: ArrayLike) -> tuple[Array, Array]:
+def placements(model: Model, q: ArrayLike) -> tuple[Array, Array]:
     """Where the bodies of a chain are, by the rounds of motion alone.
 
     Parameters
     ----------
-    chain
+    model
         n bodies.
     q
         Coordinates, ``(nq,)`` or ``(T, nq)``; rad and m.
@@ -162,10 +163,10 @@ def placements(chain: Chain, q: ArrayLike) -> tuple[Array, Array]:
     InputError
         As for `rnea`.
     """
-    still = np.zeros((*np.shape(q)[:-1], chain.nv))
-    state = check_state(chain, q, still, still, None)
-    path = motion.leaf(joint_motion(chain, state))
-    whole = motion.view(outwards(path, schedule.motion(chain.parents), LocalTransport(len(chain))))
+    still = np.zeros((*np.shape(q)[:-1], model.nv))
+    state = check_state(model, q, still, still, None)
+    path = motion.from_joint(joint_motion(model, state))
+    whole = motion.view(outwards(path, schedule.motion(model.parents), LocalTransport(len(model))))
     rotation, position = (_samples_first(x, state.single) for x in (whole.rotation, whole.translation))
     return rotation, position
 

@@ -5,5 +5,5 @@ class InputError(ValueError):
     """An argument is not what it has to be: the message names it, what was given and what was expected."""
 
 
-class MissingError(RuntimeError):
+class DependencyError(RuntimeError):
     """Something this call needs is not on the machine: the message says what, and how to get it."""

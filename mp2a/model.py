@@ -1,116 +1,384 @@
-"""The paper's cost model and Amdahl's law (eq. 11-13, 15, Table I), with nothing measured in it."""
+"""The formation as a multibody: bodies, the virtual joints between them, and who hangs on whom."""
 
-from typing import NamedTuple
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from mp2a.checks import array
 from mp2a.exceptions import InputError
-from mp2a.schedule import rounds_needed
-from mp2a.segments.affine import DOUBLES, MATRIX_AND_VECTOR, VECTOR
-from mp2a.spatial import Array
+from mp2a.joints import JOINTS, Joint
+from mp2a.spatial import Array, inertia_at_origin
 
-RECURRENCES = 3
-"""R_e of eq. 12: velocity, acceleration, force."""
+if TYPE_CHECKING:
+    import pinocchio
 
-PAPER_POINTS = {512: (0.152, 6.4)}
-"""Seconds of MP²A and of O(n) that the paper states, by n, for 2000 samples (section IV-A)."""
+_FORMAT = 1
 
 
-class Messages(NamedTuple):
-    """Messages of one recurrence for one sample."""
+class JointGroup(NamedTuple):
+    """All bodies of one joint type, so that a type is computed in one go."""
 
-    vectors: int
-    """D_v"""
-    matrices: int
-    """D_mv: matrix and vector together."""
+    joint: Joint
+    bodies: NDArray[np.intp]
+    """``(k,)``"""
+    q_columns: NDArray[np.intp]
+    """``(k, nq)`` columns of the chain's q."""
+    v_columns: NDArray[np.intp]
+    """``(k, nv)`` columns of the chain's v."""
+    axes: Array
+    """``(k, 3)``"""
+    subspace: Array
+    """``H``, ``(k, 6, nv)``"""
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Rigid bodies tied by joints; body i is robot i and hangs on body ``parents[i] < i`` (-1: the base).
+
+    Attributes
+    ----------
+    parents
+        ``(n,)`` integers.
+    joints
+        ``n`` names of `mp2a.joints.JOINTS`.
+    axes
+        ``(n, 3)`` unit axes of revolute, continuous and prismatic joints in the body's frame; ignored for others.
+    rotations, translations
+        ``(n, 3, 3)`` and ``(n, 3)`` m: the joint's frame at zero displacement, in the parent body's frame.
+    masses, coms, inertias
+        ``(n,)`` kg; ``(n, 3)`` m, centre of mass in the body's frame; ``(n, 3, 3)`` kg m² about the centre of mass.
+    names
+        ``n`` names of the joints.
+
+    Raises
+    ------
+    InputError
+        If a field has the wrong shape, is not finite, a rotation is not one, an axis is zero, a mass is negative,
+        an inertia is not symmetric, a joint type is unknown or a parent does not come before its child.
+    """
+
+    parents: NDArray[np.intp]
+    joints: tuple[str, ...]
+    axes: Array
+    rotations: Array
+    translations: Array
+    masses: Array
+    coms: Array
+    inertias: Array
+    names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        parents = array("parents", self.parents, (None,), whole=True)
+        n = len(parents)
+        if n == 0:
+            raise InputError("parents: got no body, expected at least one")
+        early = np.flatnonzero((parents >= np.arange(n)) | (parents < -1))
+        if early.size:
+            i = early[0]
+            raise InputError(f"parents: got {parents[i]} for body {i}, expected -1 or an earlier body")
+        joints = tuple(self.joints)
+        for i, joint in enumerate(joints):
+            if joint not in JOINTS:
+                raise InputError(f"joints: got {joint!r} for body {i}, expected one of {', '.join(JOINTS)}")
+        names = tuple(self.names) or tuple(f"joint{i + 1}" for i in range(n))
+        for label, words in (("joints", joints), ("names", names)):
+            if len(words) != n:
+                raise InputError(f"{label}: got {len(words)}, expected {n}, one a body")
+        arrays = {
+            "axes": array("axes", self.axes, (n, 3)),
+            "rotations": array("rotations", self.rotations, (n, 3, 3)),
+            "translations": array("translations", self.translations, (n, 3)),
+            "masses": array("masses", self.masses, (n,)),
+            "coms": array("coms", self.coms, (n, 3)),
+            "inertias": array("inertias", self.inertias, (n, 3, 3)),
+        }
+        axial = np.array([JOINTS[joint].axial for joint in joints])
+        arrays["axes"] = _unit_axes(arrays["axes"], axial)
+        _check_rotations(arrays["rotations"])
+        if (arrays["masses"] < 0).any():
+            i = int(np.argmax(arrays["masses"] < 0))
+            raise InputError(f"masses: got {arrays['masses'][i]} for body {i}, expected no negative mass")
+        skewness = np.abs(arrays["inertias"] - arrays["inertias"].swapaxes(1, 2)).max((1, 2))
+        skewed = skewness > 1e-9 * (1e-300 + np.abs(arrays["inertias"]).max((1, 2)))
+        if skewed.any():
+            raise InputError(f"inertias: got an unsymmetric one for body {np.argmax(skewed)}, expected a symmetric one")
+        arrays["inertias"] = (arrays["inertias"] + arrays["inertias"].swapaxes(1, 2)) / 2
+        for name, value in {"parents": parents, **arrays}.items():
+            value.flags.writeable = False
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "joints", joints)
+        object.__setattr__(self, "names", names)
+
+    # ---- reading off -------------------------------------------------------------------------------------------
+
+    def __len__(self) -> int:
+        return len(self.parents)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Model) and self.digest() == other.digest()
+
+    def __hash__(self) -> int:
+        return hash(self.digest())
+
+    def __repr__(self) -> str:
+        kinds = ", ".join(f"{len(g.bodies)} {g.joint.name}" for g in self.groups)
+        shape = "chain" if self.is_serial else "tree"
+        return f"<Model of {len(self)} bodies ({shape}; {kinds}), nq={self.nq}, nv={self.nv}>"
+
+    @cached_property
+    def q_starts(self) -> NDArray[np.intp]:
+        """``(n + 1,)``: body i's coordinates are ``q[q_starts[i]:q_starts[i + 1]]``."""
+        return np.concatenate(([0], np.cumsum([JOINTS[j].nq for j in self.joints]))).astype(np.intp)
+
+    @cached_property
+    def v_starts(self) -> NDArray[np.intp]:
+        """``(n + 1,)``: body i's velocities are ``v[v_starts[i]:v_starts[i + 1]]``."""
+        return np.concatenate(([0], np.cumsum([JOINTS[j].nv for j in self.joints]))).astype(np.intp)
 
     @property
-    def total(self) -> int:
-        """D_C."""
-        return self.vectors + self.matrices
+    def nq(self) -> int:
+        """Number of coordinates."""
+        return int(self.q_starts[-1])
+
+    @property
+    def nv(self) -> int:
+        """Degrees of freedom."""
+        return int(self.v_starts[-1])
+
+    @cached_property
+    def is_serial(self) -> bool:
+        """Whether every body hangs on the one before it."""
+        return bool((self.parents == np.arange(len(self)) - 1).all())
+
+    @cached_property
+    def groups(self) -> tuple[JointGroup, ...]:
+        """The bodies of each joint type that occurs."""
+        kinds = np.array(self.joints)
+        groups = []
+        for joint in JOINTS.values():
+            bodies = np.flatnonzero(kinds == joint.name)
+            if bodies.size:
+                q_columns = self.q_starts[bodies, None] + np.arange(joint.nq)
+                v_columns = self.v_starts[bodies, None] + np.arange(joint.nv)
+                axes = self.axes[bodies]
+                groups.append(JointGroup(joint, bodies, q_columns, v_columns, axes, joint.subspace(axes)))
+        return tuple(groups)
+
+    @cached_property
+    def origin_inertias(self) -> Array:
+        """Rotational inertias about the bodies' origins, ``(n, 3, 3)``, kg m²."""
+        return inertia_at_origin(self.masses, self.coms, self.inertias)
+
+    @cached_property
+    def neutral(self) -> Array:
+        """Coordinates of zero displacement, ``(nq,)``."""
+        out = np.concatenate([JOINTS[joint].neutral for joint in self.joints])
+        out.flags.writeable = False
+        return out
+
+    def random_state(
+        self, samples: int | None = None, seed: int = 0, body: int | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Random ``q``, ``v``, ``a``; velocities shrink as 1/√n, so that a long chain's tip stays within reason.
+
+        Parameters
+        ----------
+        samples
+            Number of samples T; None for one without a sample axis.
+        seed
+            The same seed gives the same state, body for body.
+        body
+            Only this body's part, as one robot would know it: the columns of the whole state, computed alone.
+
+        Returns
+        -------
+        tuple of numpy.ndarray
+            ``(T, nq)``, ``(T, nv)``, ``(T, nv)``.
+        """
+        from mp2a.readers.generate import random_state
+
+        q, v, a = random_state(self.joints, body, 1 if samples is None else samples, seed)
+        return (q, v, a) if samples is not None else (q[0], v[0], a[0])
+
+    def body(self, i: int) -> "Model":
+        """Body i alone, as a chain of one: all that robot i has to know."""
+        if not 0 <= i < len(self):
+            raise InputError(f"i: got {i}, expected a body from 0 to {len(self) - 1}")
+        cut = slice(i, i + 1)
+        return Model(
+            np.array([-1]), self.joints[cut], self.axes[cut], self.rotations[cut], self.translations[cut],
+            self.masses[cut], self.coms[cut], self.inertias[cut], self.names[cut],
+        )  # fmt: skip
+
+    def digest(self) -> str:
+        """Fingerprint of all fields: equal for equal chains, on every machine."""
+        sha = hashlib.sha256()
+        for value in self._arrays().values():
+            sha.update(f"{value.dtype.str}{value.shape}".encode() + value.tobytes())
+        return sha.hexdigest()
+
+    # ---- save and load -----------------------------------------------------------------------------------------
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        out = {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
+        out["parents"] = out["parents"].astype("<i8")
+        return out
+
+    def save(self, path: str | Path) -> None:
+        """Write the chain to an ``.npz`` file."""
+        with Path(path).open("wb") as file:
+            np.savez_compressed(file, format=np.array(_FORMAT), **self._arrays())  # type: ignore[arg-type]
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Model":
+        """Read a chain that `save` wrote; nothing in the file is executed.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read or holds no chain.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                data = {key: file[key] for key in file.files}
+        except Exception as error:  # zipfile, zlib and numpy raise a dozen kinds on a damaged file
+            raise InputError(f"path: {path} cannot be read as a chain ({error})") from error
+        expected = {"format", *(field.name for field in fields(cls))}
+        if set(data) != expected or data.pop("format").tolist() != _FORMAT:
+            raise InputError(f"path: {path} holds {sorted(data)}, expected a chain of format {_FORMAT}")
+        data["joints"], data["names"] = (tuple(str(word) for word in data[key].flat) for key in ("joints", "names"))
+        return cls(**data)
+
+    # ---- builders and readers ----------------------------------------------------------------------------------
+
+    @classmethod
+    def uniform(
+        cls,
+        n: int,
+        joint: str = "revolute",
+        axis: ArrayLike = (0.0, 0.0, 1.0),
+        offset: ArrayLike = (1.0, 0.0, 0.0),
+        mass: float = 1.0,
+        inertia: ArrayLike | None = None,
+    ) -> "Model":
+        """N equal bodies, each ``offset`` (m) from the last, with the centre of mass half way along.
+
+        Parameters
+        ----------
+        n
+            Number of bodies.
+        joint, axis
+            Type and axis of every joint.
+        offset
+            Place of body i + 1 in body i, ``(3,)``.
+        mass
+            Of each body, kg.
+        inertia
+            ``(3, 3)`` kg m² about the centre of mass; None: a slender rod along ``offset``, thickened a little.
+        """
+        from mp2a.readers.generate import uniform
+
+        return cls(**uniform(n, joint, axis, offset, mass, inertia))
+
+    @classmethod
+    def random(cls, n: int, seed: int = 0, joints: Sequence[str] = ("revolute",), branching: int = 1) -> "Model":
+        """N different bodies at random placements, with joint types drawn from ``joints``.
+
+        Parameters
+        ----------
+        n
+            Number of bodies.
+        seed
+            The same seed gives the same chain.
+        joints
+            Types to draw from; ``tuple(JOINTS)`` for all.
+        branching
+            A body hangs on one of the ``branching`` bodies before it: 1 gives a chain, more a tree.
+        """
+        from mp2a.readers.generate import random
+
+        return cls(**random(n, seed, joints, branching))
+
+    @classmethod
+    def from_dh(
+        cls,
+        rows: ArrayLike,
+        joints: Sequence[str] | None = None,
+        *,
+        convention: str = "standard",
+        masses: ArrayLike | None = None,
+        coms: ArrayLike | None = None,
+        inertias: ArrayLike | None = None,
+    ) -> "Model":
+        """Model of Denavit-Hartenberg rows ``(a, alpha, d, theta)`` in m and rad, one a body.
+
+        Parameters
+        ----------
+        rows
+            ``(n, 4)``. The joint coordinate adds to theta (revolute) or d (prismatic).
+        joints
+            ``n`` of "revolute" or "prismatic"; None: all revolute.
+        convention
+            "standard" (Denavit and Hartenberg 1955) or "modified" (Craig 1986).
+        masses, coms, inertias
+            ``(n,)`` kg, ``(n, 3)`` m and ``(n, 3, 3)`` kg m² about the centre of mass, in the link's own DH frame
+            of that convention; default 1 kg, at the frame's origin, 0.01 kg m² about each axis.
+        """
+        from mp2a.readers.dh import read_dh
+
+        return cls(**read_dh(rows, joints, convention, masses, coms, inertias))
+
+    @classmethod
+    def from_urdf(cls, path: str | Path) -> "Model":
+        """Read the chain or tree of a URDF file, fixed joints merged, coordinates in pinocchio's order.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read or has a joint type mp2a does not know.
+        """
+        from mp2a.readers.urdf import read_urdf
+
+        return cls(**read_urdf(path))
+
+    @classmethod
+    def from_pinocchio(cls, model: "pinocchio.Model") -> "Model":
+        """Model of a `pinocchio.Model`, with its joint order and coordinates; its gravity stays behind.
+
+        Raises
+        ------
+        InputError
+            If the model has a joint type mp2a does not know, or no joint at all.
+        """
+        from mp2a.readers.pinocchio_model import from_model
+
+        return cls(**from_model(model))
+
+    def to_pinocchio(self) -> "pinocchio.Model":
+        """`pinocchio.Model` of this chain, with the same joint order, coordinates and frames."""
+        from mp2a.readers.pinocchio_model import to_model
+
+        return to_model(self._arrays())
 
 
-class Network(NamedTuple):
-    """Constants of eq. 11 and 13."""
-
-    serial_time: float
-    """T_s, s: what the O(n) computation of all samples takes."""
-    latency: float
-    """L_a, s."""
-    speed: float
-    """N_TS, bit/s."""
-    bits: float = 64.0
-    """Bits a number takes on the wire. Eq. 13 prints 2; a double has 64."""
+def _unit_axes(axes: Array, axial: NDArray[np.bool_]) -> Array:
+    lengths = np.linalg.norm(axes, axis=1)
+    if (axial & (lengths == 0)).any():
+        raise InputError(f"axes: got a zero axis for body {np.argmax(axial & (lengths == 0))}, expected a direction")
+    # An axis that is of unit length to rounding stays as it is, so that a chain survives save, load and conversion.
+    exact = np.abs(lengths - 1) < 1e-15
+    return np.where(axial[:, None], axes / np.where(exact | (lengths == 0), 1.0, lengths)[:, None], 0.0)
 
 
-def true_messages(n: int) -> Messages:
-    """Messages Kogge-Stone recursive doubling sends in one recurrence: n - 1 vectors in all.
-
-    In round e, n - 2^e senders have not reached the end of the chain and send matrix and vector, and
-    min(2^(e-1), n - 2^(e-1)) have and send the vector alone.
-    """
-    rounds = range(1, rounds_needed(n) + 1)
-    return Messages(
-        sum(min(2 ** (e - 1), n - 2 ** (e - 1)) for e in rounds),
-        sum(max(0, n - 2**e) for e in rounds),
-    )
-
-
-def table_one_messages(n: int) -> Messages:
-    """Messages as Table I of the paper prints them; fewer than are needed from n = 4 on.
-
-    D_v = 2^(⌈log2 n⌉-1) - (2^⌈log2 n⌉ - n), D_mv = Σ 2^(i-1) for i = 1 … ⌈log2 n⌉-1.
-    """
-    rounds = rounds_needed(n)
-    if rounds == 0:
-        return Messages(0, 0)
-    return Messages(2 ** (rounds - 1) - (2**rounds - n), 2 ** (rounds - 1) - 1)
-
-
-COUNTS = {"true": true_messages, "table I": table_one_messages}
-"""Both ways of counting, by name."""
-
-
-def numbers_sent(n: int, messages: Messages) -> int:
-    """D_T of eq. 12: numbers sent for one sample, all three recurrences, and n - 1 vectors more."""
-    carried = DOUBLES[MATRIX_AND_VECTOR] * messages.matrices + DOUBLES[VECTOR] * messages.vectors
-    return RECURRENCES * carried + DOUBLES[VECTOR] * (n - 1)
-
-
-def parallel_time(n: int, messages: Messages, network: Network) -> float:
-    """T_p of eq. 11 in s, with b_N the bits of D_T: ⌈log2 n⌉ T_s / n + L_a + b_N / N_TS."""
-    sent = network.bits * numbers_sent(n, messages)
-    return rounds_needed(n) * network.serial_time / n + network.latency + sent / network.speed
-
-
-def total_time(n: int, samples: int, messages: Messages, network: Network) -> float:
-    """T of eq. 13 in s for p_t samples; it adds up the latencies of all messages as if none overlapped."""
-    per_sample = network.latency * RECURRENCES * messages.total + network.bits / network.speed * numbers_sent(
-        n, messages
-    )
-    return rounds_needed(n) * network.serial_time / n + samples * per_sample
-
-
-def relay_time(n: int, samples: int, network: Network) -> float:
-    """Messages of the hop-by-hop relay in s: n - 1 hops of 12 numbers, then n - 1 of 6, none overlapping."""
-    return samples * (n - 1) * (2 * network.latency + 18 * network.bits / network.speed)
-
-
-def amdahl(n: ArrayLike, parallel_part: float) -> Array:
-    """Speedup on n processors of a program of which a part is parallel: n / (f_s n + f_p) (eq. 15)."""
-    count = np.asarray(n, dtype=float)
-    out: Array = count / ((1 - parallel_part) * count + parallel_part)
-    return out
-
-
-def karp_flatt(speedup: ArrayLike, n: ArrayLike) -> Array:
-    """Parallel part that Amdahl's law needs for a measured speedup on n > 1 processors (Karp and Flatt 1990)."""
-    measured, count = np.asarray(speedup, dtype=float), np.asarray(n, dtype=float)
-    if (count <= 1).any() or (measured <= 0).any():
-        raise InputError(
-            f"speedup, n: got {measured.tolist()} on {count.tolist()}, "
-            "expected a positive speedup on more than one processor"
-        )
-    out: Array = 1 - (1 / measured - 1 / count) / (1 - 1 / count)
-    return out
+def _check_rotations(rotations: Array) -> None:
+    gram = rotations @ rotations.swapaxes(1, 2) - np.eye(3)
+    error = np.maximum(np.abs(gram).max((1, 2)), np.abs(np.linalg.det(rotations) - 1))
+    if (error > 1e-9).any():
+        i = int(np.argmax(error))
+        raise InputError(f"rotations: got a matrix {error[i]:.1e} away from one for body {i}, expected a rotation")

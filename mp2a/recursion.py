@@ -8,11 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from mp2a import kernels
-from mp2a.chain import Chain
+from mp2a.algebra import inertia, motion
+from mp2a.joint_kinematics import joint_motion, joint_torque
 from mp2a.kernels import batch, long
-from mp2a.leaf import State, check_values, joint_motion, joint_torque
-from mp2a.segments import load, motion
+from mp2a.model import Model
 from mp2a.spatial import Array, body_force, force_to_parent, motion_to_child, velocity_product
+from mp2a.validation import JointState, check_values
 
 
 class Found(NamedTuple):
@@ -28,8 +29,8 @@ class Found(NamedTuple):
 
 
 def recursion(
-    chain: Chain,
-    state: State,
+    model: Model,
+    state: JointState,
     base: Array,
     tip: Array | None = None,
     *,
@@ -43,8 +44,8 @@ def recursion(
 
     Parameters
     ----------
-    chain, state
-        n bodies and their T samples, of which the shapes are checked (`mp2a.leaf.check_shapes`).
+    model, state
+        n bodies and their T samples, of which the shapes are checked (`mp2a.validation.check_shapes`).
     base
         Motion of the base, ``(12,)`` or ``(T, 12)``: its angular velocity and acceleration, the acceleration of its
         origin less gravity, and the velocity of its origin; rad/s, rad/s², m/s², m/s.
@@ -66,13 +67,13 @@ def recursion(
     """
     form = np.dtype(dtype)
     found: batch.Result | None
-    if form == np.float64 and long.fits(chain, state.samples):
-        found = long.recursion(chain, state, base, tip, bodies=bodies, threads=threads)
+    if form == np.float64 and long.fits(model, state.samples):
+        found = long.recursion(model, state, base, tip, bodies=bodies, threads=threads)
     else:
-        found = batch.recursion(chain, state, base, tip, bodies=bodies, threads=threads, dtype=form, out=out, rows=rows)
+        found = batch.recursion(model, state, base, tip, bodies=bodies, threads=threads, dtype=form, out=out, rows=rows)
     if found is None or not found.sound:
-        check_values(chain, state)
-        torque, moving, root = by_numpy(chain, state, base, tip)
+        check_values(model, state)
+        torque, moving, root = by_numpy(model, state, base, tip)
         assert moving is not None
         moving = moving.astype(form, copy=False) if bodies else None
         torque, root = torque.astype(form, copy=False), root.astype(form, copy=False)
@@ -88,14 +89,14 @@ def _put(found: Array, where: Array | None) -> Array:
     return where
 
 
-def by_numpy(chain: Chain, state: State, base: Array, tip: Array | None = None) -> Found:
+def by_numpy(model: Model, state: JointState, base: Array, tip: Array | None = None) -> Found:
     """Do what `recursion` does, in double, for numbers that were checked."""
-    joint = joint_motion(chain, state)
-    n, samples = len(chain), state.samples
+    joint = joint_motion(model, state)
+    n, samples = len(model), state.samples
     velocity, acceleration = np.empty((n, samples, 6)), np.empty((n, samples, 6))
     ground = np.broadcast_to(base, (samples, 12))
     ground_velocity, ground_acceleration = ground[:, [0, 1, 2, 9, 10, 11]], ground[:, 3:9]
-    for i, parent in enumerate(chain.parents):
+    for i, parent in enumerate(model.parents):
         r, p, relative = joint.rotation[i], joint.translation[i], joint.velocity[i]
         carried = motion_to_child(r, p, velocity[parent] if parent >= 0 else ground_velocity)
         velocity[i] = carried + relative
@@ -104,8 +105,8 @@ def by_numpy(chain: Chain, state: State, base: Array, tip: Array | None = None) 
             + velocity_product(p, r, carried, relative, velocity[i])
             + joint.acceleration[i]
         )
-    mass, com = chain.masses[:, None], chain.coms[:, None]
-    force = body_force(mass, com, chain.origin_inertias[:, None], velocity, acceleration)
+    mass, com = model.masses[:, None], model.coms[:, None]
+    force = body_force(mass, com, model.origin_inertias[:, None], velocity, acceleration)
     if state.external is not None:
         force -= state.external
     if tip is not None:
@@ -113,20 +114,20 @@ def by_numpy(chain: Chain, state: State, base: Array, tip: Array | None = None) 
     root = np.zeros((samples, 6))
     for i in range(n - 1, -1, -1):
         passed = force_to_parent(joint.rotation[i], joint.translation[i], force[i])
-        if chain.parents[i] >= 0:
-            force[chain.parents[i]] += passed
+        if model.parents[i] >= 0:
+            force[model.parents[i]] += passed
         else:
             root += passed
     rows = np.concatenate((velocity, acceleration, force), axis=2).swapaxes(0, 1)
-    return Found(joint_torque(chain, force), rows, root.T)
+    return Found(joint_torque(model, force), rows, root.T)
 
 
-def segment(chain: Chain, state: State, *, loaded: bool, threads: int | None = None) -> tuple[Array, Array | None]:
+def segment(model: Model, state: JointState, *, loaded: bool, threads: int | None = None) -> tuple[Array, Array | None]:
     """Put the bodies of a serial chain together.
 
     Parameters
     ----------
-    chain, state, threads
+    model, state, threads
         As `recursion` takes them, with numbers that were checked.
     loaded
         Whether the load is asked for, not the path alone.
@@ -134,21 +135,21 @@ def segment(chain: Chain, state: State, *, loaded: bool, threads: int | None = N
     Returns
     -------
     path
-        From what the chain hangs on to its last body, ``(T, 24)``, as `mp2a.segments.motion` has it.
+        From what the chain hangs on to its last body, ``(T, 24)``, as `mp2a.algebra.motion` has it.
     load
-        About what the chain hangs on, ``(T, 28)``, as `mp2a.segments.load` has it; None if it is not asked for.
+        About what the chain hangs on, ``(T, 28)``, as `mp2a.algebra.inertia` has it; None if it is not asked for.
     """
-    reduce = long.segment if long.fits(chain, state.samples) else batch.segment
-    found = reduce(chain, state, load=loaded, threads=threads)
+    reduce = long.segment if long.fits(model, state.samples) else batch.segment
+    found = reduce(model, state, load=loaded, threads=threads)
     if found is not None and found.sound:
         return found.path, found.load
-    return segment_by_numpy(chain, state)
+    return segment_by_numpy(model, state)
 
 
-def segment_by_numpy(chain: Chain, state: State) -> tuple[Array, Array]:
+def segment_by_numpy(model: Model, state: JointState) -> tuple[Array, Array]:
     """Do what `segment` does, with the load."""
-    paths = motion.leaf(joint_motion(chain, state))
-    loads = load.leaf(chain.masses, chain.coms, chain.origin_inertias, state.external, state.samples)
+    paths = motion.from_joint(joint_motion(model, state))
+    loads = inertia.from_body(model.masses, model.coms, model.origin_inertias, state.external, state.samples)
     whole, below = paths[0], kernels.move(loads[-1], paths[-1])
     for path in paths[1:]:
         whole = kernels.compose(whole, path)

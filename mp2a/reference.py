@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mp2a.chain import Chain
 from mp2a.cores import available_memory
-from mp2a.exceptions import MissingError
-from mp2a.leaf import check_gravity, check_state
+from mp2a.exceptions import DependencyError
 from mp2a.methods.result import InverseDynamics
+from mp2a.model import Model
 from mp2a.spatial import GRAVITY, Array, spatial_to_classical, to_linear_first
+from mp2a.validation import check_gravity, check_state
 
 if TYPE_CHECKING:
     pass
@@ -24,38 +24,38 @@ class Reference:
 
     Attributes
     ----------
-    chain
+    model
         The chain.
     model, data
         pinocchio's, in its own conventions.
 
     Raises
     ------
-    MissingError
+    DependencyError
         If pinocchio's Data would not fit in the memory that is free, with the largest nv that would.
     """
 
-    def __init__(self, chain: Chain) -> None:
-        need, free = data_bytes(chain.nv), available_memory()
+    def __init__(self, model: Model) -> None:
+        need, free = data_bytes(model.nv), available_memory()
         if free is not None and need > free:
             fits = int((free / (8 * _TENSORS)) ** (1 / 3))
-            raise MissingError(
-                f"pinocchio's Data for nv = {chain.nv} takes {need / 1e9:.1f} GB (it holds nv³ tensors) and "
+            raise DependencyError(
+                f"pinocchio's Data for nv = {model.nv} takes {need / 1e9:.1f} GB (it holds nv³ tensors) and "
                 f"{free / 1e9:.1f} GB are free: up to nv = {fits} fits here"
             )
         import pinocchio
 
-        self.chain = chain
-        self.model: pinocchio.Model = chain.to_pinocchio()
+        self.model = model
+        self.pin_model: pinocchio.Model = model.to_pinocchio()
         # pinocchio.Data(model), not model.createData(), which copies the tensors once and peaks at twice the memory.
-        self.data: pinocchio.Data = pinocchio.Data(self.model)
+        self.data: pinocchio.Data = pinocchio.Data(self.pin_model)
 
     def torque(self, q: Array, v: Array, a: Array) -> Array:
         """Torques ``(T, nv)`` alone, unchecked, as fast as pinocchio's Python loop goes; q, v, a are ``(T, …)``."""
         import pinocchio
 
-        rnea, model, data = pinocchio.rnea, self.model, self.data
-        return np.array([rnea(model, data, *sample) for sample in zip(q, v, a, strict=True)])
+        rnea, pin_model, data = pinocchio.rnea, self.pin_model, self.data
+        return np.array([rnea(pin_model, data, *sample) for sample in zip(q, v, a, strict=True)])
 
     def rnea(
         self,
@@ -68,14 +68,14 @@ class Reference:
         """As `mp2a.rnea` with ``bodies=True``, by pinocchio, a sample at a time."""
         import pinocchio
 
-        state = check_state(self.chain, q, v, a, external_forces)
-        self.model.gravity.linear = check_gravity(gravity)
-        n, samples = len(self.chain), state.samples
+        state = check_state(self.model, q, v, a, external_forces)
+        self.pin_model.gravity.linear = check_gravity(gravity)
+        n, samples = len(self.model), state.samples
         shape = (samples, n, 6)
         velocity, acceleration, force = np.empty(shape), np.empty(shape), np.empty(shape)
-        torque = np.empty((samples, self.chain.nv))
+        torque = np.empty((samples, self.model.nv))
         for t in range(samples):
-            arguments = (self.model, self.data, state.q[t], state.v[t], state.a[t])
+            arguments = (self.pin_model, self.data, state.q[t], state.v[t], state.a[t])
             if state.external is not None:
                 external = to_linear_first(state.external[:, min(t, state.external.shape[1] - 1)])
                 forces = pinocchio.StdVec_Force([pinocchio.Force(f) for f in (np.zeros(6), *external)])

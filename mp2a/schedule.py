@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mp2a.algebra.affine import MATRIX_AND_VECTOR, VECTOR
 from mp2a.checks import array, count
 from mp2a.exceptions import InputError
-from mp2a.segments.affine import MATRIX_AND_VECTOR, VECTOR
 
 Nodes = NDArray[np.intp]
 Formation = int | Nodes

@@ -16,11 +16,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mp2a
-from mp2a import Chain, InputError, cores, kernels
+from mp2a import InputError, Model, cores, kernels
 from mp2a.kernels import batch, library, long
-from mp2a.leaf import check_shapes, check_state
 from mp2a.recursion import by_numpy, segment_by_numpy
 from mp2a.spatial import to_linear_first
+from mp2a.validation import check_shapes, check_state
 
 RESULTS = ("velocity", "acceleration", "force", "torque")
 EARTH = np.array([0.0, 0, 0, 0, 0, 0, 0, 0, 9.81, 0, 0, 0])
@@ -29,10 +29,10 @@ pytestmark = pytest.mark.skipif(not kernels.load().compiled, reason="no compiled
 seeds = st.integers(0, 2**32 - 1)
 
 
-def numpy_results(chain, state, forces, gravity):
+def numpy_results(model, state, forces, gravity):
     """What numpy's recursion gives, samples first."""
     base = np.concatenate((np.zeros(6), -np.asarray(gravity), np.zeros(3)))
-    torque, bodies, _ = by_numpy(chain, check_state(chain, *state, forces), base)
+    torque, bodies, _ = by_numpy(model, check_state(model, *state, forces), base)
     return mp2a.InverseDynamics(bodies[..., :6], bodies[..., 6:12], bodies[..., 12:], torque)
 
 
@@ -65,72 +65,72 @@ LAYOUTS = {
 )
 @settings(max_examples=150)
 def test_equals_numpy(n, samples, branching, seed, layouts, force, threads):
-    chain = random_forest(n, seed, branching)
-    state = chain.random_state(samples, seed)
-    forces, gravity = random_load(chain, samples if force == "each" else None, seed)
+    model = random_forest(n, seed, branching)
+    state = model.random_state(samples, seed)
+    forces, gravity = random_load(model, samples if force == "each" else None, seed)
     forces = None if force == "none" else forces
     laid_out = [LAYOUTS[layout](x) for layout, x in zip(layouts, state, strict=True)]
-    found = mp2a.rnea(chain, *laid_out, forces, gravity, bodies=True, threads=threads)
-    agree(found, numpy_results(chain, state, forces, gravity), 1e-12)
-    torque = mp2a.rnea(chain, *laid_out, forces, gravity, threads=threads)
+    found = mp2a.rnea(model, *laid_out, forces, gravity, bodies=True, threads=threads)
+    agree(found, numpy_results(model, state, forces, gravity), 1e-12)
+    torque = mp2a.rnea(model, *laid_out, forces, gravity, threads=threads)
     assert relative_error(torque, found.torque) <= 1e-13
 
 
 @given(n=st.integers(1, 12), samples=st.integers(1, 40), seed=seeds, columns=st.booleans())
 @settings(max_examples=40)
 def test_single_precision(n, samples, seed, columns):
-    chain = random_forest(n, seed, 2)
-    state = [np.asarray(x, dtype=np.float32, order="F" if columns else "C") for x in chain.random_state(samples, seed)]
-    found = mp2a.rnea(chain, *state, bodies=True, dtype=np.float32)
+    model = random_forest(n, seed, 2)
+    state = [np.asarray(x, dtype=np.float32, order="F" if columns else "C") for x in model.random_state(samples, seed)]
+    found = mp2a.rnea(model, *state, bodies=True, dtype=np.float32)
     assert all(getattr(found, name).dtype == np.float32 for name in RESULTS)
     units = [x.astype(float) for x in state]
-    assert relative_error(found.torque, mp2a.rnea(chain, *units)) <= 1e-3
+    assert relative_error(found.torque, mp2a.rnea(model, *units)) <= 1e-3
 
 
 def test_results_are_laid_out_as_the_input_is():
-    chain = Chain.random(5)
-    state = chain.random_state(24)
-    assert mp2a.rnea(chain, *state).flags.c_contiguous
+    model = Model.random(5)
+    state = model.random_state(24)
+    assert mp2a.rnea(model, *state).flags.c_contiguous
     columns = [np.ascontiguousarray(x.T) for x in state]
-    torque = mp2a.rnea(chain, *(x.T for x in columns))
+    torque = mp2a.rnea(model, *(x.T for x in columns))
     assert torque.T.flags.c_contiguous
-    assert relative_error(torque, mp2a.rnea(chain, *state)) <= 1e-14
+    assert relative_error(torque, mp2a.rnea(model, *state)) <= 1e-14
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_torques_go_where_they_are_told(layout):
-    chain = Chain.random(6, joints=ALL_JOINTS)
-    state = chain.random_state(21)
-    out = LAYOUTS[layout](np.full((21, chain.nv), np.nan))
-    assert mp2a.rnea(chain, *state, out=out) is out
-    assert np.array_equal(out, mp2a.rnea(chain, *state))
-    one = np.empty(chain.nv)
-    assert mp2a.rnea(chain, *(x[3] for x in state), out=one).base is not None
+    model = Model.random(6, joints=ALL_JOINTS)
+    state = model.random_state(21)
+    out = LAYOUTS[layout](np.full((21, model.nv), np.nan))
+    assert mp2a.rnea(model, *state, out=out) is out
+    assert np.array_equal(out, mp2a.rnea(model, *state))
+    one = np.empty(model.nv)
+    assert mp2a.rnea(model, *(x[3] for x in state), out=one).base is not None
     assert relative_error(one, out[3]) <= 1e-13
 
 
 @pytest.mark.parametrize("samples", [None, 1, 21])
 @pytest.mark.parametrize("n", [1, 6, long.WORTH_IT])
 def test_results_of_an_earlier_call_are_filled_again(n, samples):
-    chain = Chain.random(n)
-    old, new = (chain.random_state(samples, seed) for seed in (1, 2))
-    first, expected = (mp2a.rnea(chain, *state, bodies=True) for state in (old, new))
-    again = mp2a.rnea(chain, *new, bodies=True, out=first)
+    model = Model.random(n)
+    old, new = (model.random_state(samples, seed) for seed in (1, 2))
+    first, expected = (mp2a.rnea(model, *state, bodies=True) for state in (old, new))
+    again = mp2a.rnea(model, *new, bodies=True, out=first)
     for name in RESULTS:
         assert np.shares_memory(getattr(again, name), getattr(first, name))
         assert np.array_equal(getattr(first, name), getattr(expected, name))
-    for wrong in (np.empty((1, 1)), mp2a.rnea(chain, *new, bodies=True, method="sweep") if n < 10 else expected.torque):
+    for wrong in (np.empty((1, 1)), mp2a.rnea(model, *new, bodies=True, method="sweep") if n < 10 else expected.torque):
         with pytest.raises(InputError, match="out: got"):
-            mp2a.rnea(chain, *new, bodies=True, out=wrong)
+            mp2a.rnea(model, *new, bodies=True, out=wrong)
 
 
 @pytest.mark.parametrize("order", "CF")
 @pytest.mark.parametrize("which", [1, 2])
 def test_torques_may_replace_the_input(order, which):
-    chain = Chain.random(9)
-    state = [np.asarray(x, order=order) for x in chain.random_state(21)]
-    expected = mp2a.rnea(chain, *state)
-    assert np.array_equal(mp2a.rnea(chain, *state, out=state[which]), expected)
+    model = Model.random(9)
+    state = [np.asarray(x, order=order) for x in model.random_state(21)]
+    expected = mp2a.rnea(model, *state)
+    assert np.array_equal(mp2a.rnea(model, *state, out=state[which]), expected)
     assert np.array_equal(state[which], expected)
 
 
@@ -148,23 +148,23 @@ def test_torques_may_replace_the_input(order, which):
     ],
 )
 def test_wrong_arguments_are_refused(argument, word):
-    chain = Chain.random(3)
+    model = Model.random(3)
     with pytest.raises(InputError, match=word):
-        mp2a.rnea(chain, *chain.random_state(5), **argument)
+        mp2a.rnea(model, *model.random_state(5), **argument)
 
 
 @given(n=st.integers(1, 12), samples=st.integers(1, 30), data=st.data(), seed=seeds)
 def test_what_is_not_a_number_stays_in_its_sample(n, samples, data, seed):
-    chain = random_forest(n, seed, 3)
-    clean = check_shapes(chain, *chain.random_state(samples, seed), np.zeros((samples, n, 6)))
-    expected = batch.recursion(chain, clean, EARTH)
+    model = random_forest(n, seed, 3)
+    clean = check_shapes(model, *model.random_state(samples, seed), np.zeros((samples, n, 6)))
+    expected = batch.recursion(model, clean, EARTH)
     assert expected.sound
     which = data.draw(st.sampled_from(("q", "v", "a", "external")))
     bad = data.draw(st.integers(0, samples - 1))
     spoiled = np.array(getattr(clean, which), copy=True)
     row = spoiled[:, bad] if which == "external" else spoiled[bad]
     row[data.draw(st.integers(0, len(row) - 1))] = np.nan
-    found = batch.recursion(chain, clean._replace(**{which: spoiled}), EARTH)
+    found = batch.recursion(model, clean._replace(**{which: spoiled}), EARTH)
     others = np.arange(samples) != bad
     assert np.array_equal(found.torque[others], expected.torque[others])
     # A torque need not depend on it (a sliding joint on the base), but what the base feels does.
@@ -177,49 +177,49 @@ def test_what_is_not_a_number_stays_in_its_sample(n, samples, data, seed):
 @pytest.mark.parametrize("number", [np.nan, np.inf])
 @pytest.mark.parametrize("which", range(4))
 def test_numbers_that_are_not_finite_are_named(samples, number, which):
-    chain = Chain.random(7, joints=ALL_JOINTS)
-    state = [*chain.random_state(samples), np.zeros((7, 6) if samples is None else (samples, 7, 6))]
+    model = Model.random(7, joints=ALL_JOINTS)
+    state = [*model.random_state(samples), np.zeros((7, 6) if samples is None else (samples, 7, 6))]
     state[which][..., 4] = number
     name = ("q", "v", "a", "external_forces")[which]
     with pytest.raises(InputError, match=f"{name}: got {number}"):
-        mp2a.rnea(chain, *state)
+        mp2a.rnea(model, *state)
 
 
 @given(angle=st.floats(-1e6, 1e6), seed=seeds)
 def test_sine_and_cosine_to_rounding(angle, seed):
     """A pendulum's torques are the cosine and the sine of its angle."""
-    chain = Chain.uniform(1, offset=(2.0, 0.0, 0.0))
+    model = Model.uniform(1, offset=(2.0, 0.0, 0.0))
     angles = np.append(np.random.default_rng(seed).uniform(-10, 10, 30), angle)[:, None]
     still = np.zeros_like(angles)
-    sine = mp2a.rnea(chain, angles, still, still, gravity=(1.0, 0, 0))
-    cosine = mp2a.rnea(chain, angles, still, still, gravity=(0, -1.0, 0))
+    sine = mp2a.rnea(model, angles, still, still, gravity=(1.0, 0, 0))
+    cosine = mp2a.rnea(model, angles, still, still, gravity=(0, -1.0, 0))
     assert np.max(np.abs(sine - np.sin(angles))) < 3e-16
     assert np.max(np.abs(cosine - np.cos(angles))) < 3e-16
 
 
 @pytest.mark.parametrize("angle", [1.1e6, -3e8, 1e15])
 def test_very_large_angles(angle):
-    chain = Chain.random(5)
-    q, v, a = chain.random_state(12)
+    model = Model.random(5)
+    q, v, a = model.random_state(12)
     q[7, 2] = angle
-    assert not batch.recursion(chain, check_shapes(chain, q, v, a, None), EARTH).sound
-    expected = numpy_results(chain, (q, v, a), None, np.array([0, 0, -9.81]))
-    assert relative_error(mp2a.rnea(chain, q, v, a), expected.torque) <= 1e-13
+    assert not batch.recursion(model, check_shapes(model, q, v, a, None), EARTH).sound
+    expected = numpy_results(model, (q, v, a), None, np.array([0, 0, -9.81]))
+    assert relative_error(mp2a.rnea(model, q, v, a), expected.torque) <= 1e-13
 
 
 @given(n=st.integers(1, 8), samples=st.integers(1, 12), seed=seeds, moving=st.booleans())
 @settings(max_examples=30)
 def test_base_moves_and_tip_is_pushed(n, samples, seed, moving):
     """A moving base is a free joint that moves like it; a push on the tip is an external force on the last body."""
-    chain = Chain.random(n, seed, ALL_JOINTS)
-    carrier = Chain.random(1, joints=("free",))
+    model = Model.random(n, seed, ALL_JOINTS)
+    carrier = Model.random(1, joints=("free",))
     carrier = dataclasses.replace(carrier, masses=[0.0], inertias=np.zeros((1, 3, 3)))
     parts = {
-        field.name: np.concatenate((getattr(carrier, field.name), getattr(chain, field.name)))
-        for field in dataclasses.fields(Chain)
+        field.name: np.concatenate((getattr(carrier, field.name), getattr(model, field.name)))
+        for field in dataclasses.fields(Model)
         if field.name not in ("parents", "joints", "names")
     }
-    whole = Chain(np.append(-1, chain.parents + 1), carrier.joints + chain.joints, **parts)
+    whole = Model(np.append(-1, model.parents + 1), carrier.joints + model.joints, **parts)
     q, v, a = whole.random_state(samples, seed)
     push = np.random.default_rng(seed).normal(size=(samples, 6))
     forces = np.zeros((samples, n + 1, 6))
@@ -227,8 +227,8 @@ def test_base_moves_and_tip_is_pushed(n, samples, seed, moving):
     expected = mp2a.rnea(whole, q, v, a, forces, bodies=True)
     velocity, acceleration = expected.velocity[:, 0], expected.acceleration[:, 0]
     base = np.concatenate((velocity[:, :3], acceleration, velocity[:, 3:]), axis=1)
-    state = check_shapes(chain, q[:, 7:], v[:, 6:], a[:, 6:], None)
-    found = batch.recursion(chain, state, base, push, bodies=moving)
+    state = check_shapes(model, q[:, 7:], v[:, 6:], a[:, 6:], None)
+    found = batch.recursion(model, state, base, push, bodies=moving)
     assert relative_error(found.torque, expected.torque[:, 6:]) <= 1e-12
     # What the chain puts on its base is what the free joint, which carries no mass, has to give.
     assert relative_error(to_linear_first(found.root.T), expected.torque[:, :6]) <= 1e-11
@@ -237,13 +237,13 @@ def test_base_moves_and_tip_is_pushed(n, samples, seed, moving):
 @given(n=st.integers(1, 90), seed=seeds, threads=st.integers(1, 3), force=st.booleans(), mixed=st.booleans())
 @settings(max_examples=60)
 def test_blocks_of_a_chain_in_lanes(n, seed, threads, force, mixed):
-    chain = Chain.random(n, seed, ("revolute", "continuous", "prismatic") if mixed else ("revolute",))
-    forces, _ = random_load(chain, None, seed)
-    state = check_shapes(chain, *chain.random_state(seed=seed), forces if force else None)
+    model = Model.random(n, seed, ("revolute", "continuous", "prismatic") if mixed else ("revolute",))
+    forces, _ = random_load(model, None, seed)
+    state = check_shapes(model, *model.random_state(seed=seed), forces if force else None)
     base, tip = np.random.default_rng(seed).normal(size=12), np.random.default_rng(seed).normal(size=(1, 6))
-    expected = batch.recursion(chain, state, base, tip, bodies=True)
+    expected = batch.recursion(model, state, base, tip, bodies=True)
     for bodies in (False, True):
-        found = long.recursion(chain, state, base, tip, bodies=bodies, threads=threads)
+        found = long.recursion(model, state, base, tip, bodies=bodies, threads=threads)
         assert found.sound
         assert relative_error(found.torque, expected.torque) <= 1e-12
         assert relative_error(found.root, expected.root) <= 1e-12
@@ -251,38 +251,38 @@ def test_blocks_of_a_chain_in_lanes(n, seed, threads, force, mixed):
 
 
 def test_long_chain_takes_the_blocks_and_agrees_with_the_scans():
-    chain = Chain.random(long.WORTH_IT, seed=2)
-    state = chain.random_state(seed=2)
-    assert long.fits(chain, 1)
-    torque = mp2a.rnea(chain, *state)
-    expected = numpy_results(chain, [x[None] for x in state], None, np.array([0, 0, -9.81])).torque[0]
+    model = Model.random(long.WORTH_IT, seed=2)
+    state = model.random_state(seed=2)
+    assert long.fits(model, 1)
+    torque = mp2a.rnea(model, *state)
+    expected = numpy_results(model, [x[None] for x in state], None, np.array([0, 0, -9.81])).torque[0]
     assert relative_error(torque, expected) < 1e-9
     out = np.empty_like(torque)
-    assert mp2a.rnea(chain, *state, out=out) is not None
+    assert mp2a.rnea(model, *state, out=out) is not None
     assert np.array_equal(out, torque)
-    assert relative_error(torque, mp2a.rnea(chain, *state, method="sweep")) < 1e-9
-    assert relative_error(torque, mp2a.rnea(chain, *(np.tile(x, (3, 1)) for x in state))[1]) < 1e-10
+    assert relative_error(torque, mp2a.rnea(model, *state, method="sweep")) < 1e-9
+    assert relative_error(torque, mp2a.rnea(model, *(np.tile(x, (3, 1)) for x in state))[1]) < 1e-10
 
 
 def test_long_chain_names_what_is_wrong():
-    chain = Chain.random(long.WORTH_IT, joints=("revolute", "continuous"), seed=1)
-    q, v, a = chain.random_state()
-    joint = chain.joints.index("continuous", 5000)
-    q[chain.q_starts[joint] : chain.q_starts[joint] + 2] *= 1.1
+    model = Model.random(long.WORTH_IT, joints=("revolute", "continuous"), seed=1)
+    q, v, a = model.random_state()
+    joint = model.joints.index("continuous", 5000)
+    q[model.q_starts[joint] : model.q_starts[joint] + 2] *= 1.1
     with pytest.raises(InputError, match=r"length 1\.1"):
-        mp2a.rnea(chain, q, v, a)
+        mp2a.rnea(model, q, v, a)
     v[7000] = np.inf
     with pytest.raises(InputError, match="v: got inf"):
-        mp2a.rnea(chain, chain.neutral, v, a)
+        mp2a.rnea(model, model.neutral, v, a)
 
 
 def test_tables_go_with_their_chain():
     """Another chain at the same address must not find the tables of the one before."""
     for seed in range(20):
-        chain = Chain.random(4, seed=seed)
-        state = chain.random_state(9)
-        assert relative_error(mp2a.rnea(chain, *state), mp2a.rnea(chain, *state, method="sweep")) <= 1e-12
-        del chain
+        model = Model.random(4, seed=seed)
+        state = model.random_state(9)
+        assert relative_error(mp2a.rnea(model, *state), mp2a.rnea(model, *state, method="sweep")) <= 1e-12
+        del model
 
 
 @pytest.mark.parametrize("name", library.ARGUMENTS)
@@ -317,13 +317,13 @@ def test_ranks_share_the_cores(ranks, threads, monkeypatch):
 
 
 def test_without_compiled_kernels_numpy_does_it(monkeypatch):
-    chain = Chain.random(6, joints=ALL_JOINTS)
-    state = chain.random_state(9)
-    compiled = mp2a.rnea(chain, *state, bodies=True)
-    out = np.empty((9, chain.nv), np.float32)
+    model = Model.random(6, joints=ALL_JOINTS)
+    state = model.random_state(9)
+    compiled = mp2a.rnea(model, *state, bodies=True)
+    out = np.empty((9, model.nv), np.float32)
     monkeypatch.setattr(kernels, "compiled", lambda name: None)
-    agree(mp2a.rnea(chain, *state, bodies=True), compiled, 1e-13)
-    assert mp2a.rnea(chain, *state, dtype=np.float32, out=out) is out
+    agree(mp2a.rnea(model, *state, bodies=True), compiled, 1e-13)
+    assert mp2a.rnea(model, *state, dtype=np.float32, out=out) is out
     assert relative_error(out, compiled.torque) < 1e-6
 
 
@@ -335,8 +335,8 @@ def test_memory_is_linear_in_the_chain_and_given_back():
         return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
 
     def once(n):
-        chain = Chain.random(n, seed=1)
-        mp2a.rnea(chain, *chain.random_state())
+        model = Model.random(n, seed=1)
+        mp2a.rnea(model, *model.random_state())
 
     once(50_000)
     before = resident()
@@ -350,12 +350,12 @@ def test_memory_is_linear_in_the_chain_and_given_back():
 def test_chain_put_together_is_its_segments_put_together(n, samples, seed, force, cut):
     """The kernel that reduces a chain gives what composing and moving body after body gives."""
     samples = 1 if cut else samples
-    chain = Chain.random(n, seed, ("revolute", "continuous", "prismatic") if cut else ALL_JOINTS)
-    forces, _ = random_load(chain, samples, seed)
-    state = check_state(chain, *chain.random_state(samples, seed), forces if force else None)
-    path, below = segment_by_numpy(chain, state)
+    model = Model.random(n, seed, ("revolute", "continuous", "prismatic") if cut else ALL_JOINTS)
+    forces, _ = random_load(model, samples, seed)
+    state = check_state(model, *model.random_state(samples, seed), forces if force else None)
+    path, below = segment_by_numpy(model, state)
     for asked in (False, True):
-        found = long.segment(chain, state, load=asked) if cut else batch.segment(chain, state, load=asked)
+        found = long.segment(model, state, load=asked) if cut else batch.segment(model, state, load=asked)
         assert found.sound
         assert relative_error(found.path, path) <= 1e-12
     for part in range(28):  # its numbers differ in unit and size
@@ -364,27 +364,27 @@ def test_chain_put_together_is_its_segments_put_together(n, samples, seed, force
 
 
 def test_torques_of_a_long_chain_go_where_they_are_told():
-    chain = Chain.uniform(long.WORTH_IT)
-    state = chain.random_state()
-    out = np.full(len(chain), np.nan)
-    found = mp2a.rnea(chain, *state, out=out)
+    model = Model.uniform(long.WORTH_IT)
+    state = model.random_state()
+    out = np.full(len(model), np.nan)
+    found = mp2a.rnea(model, *state, out=out)
     assert np.shares_memory(found, out)
-    assert np.array_equal(out, mp2a.rnea(chain, *state))
+    assert np.array_equal(out, mp2a.rnea(model, *state))
 
 
 def test_many_callers_share_the_threads():
     """Whoever finds the helpers busy works alone; nobody gets another's torques, and nobody waits for ever."""
     cases = []
     for n, samples in ((3, 40), (9, 300), (2, 9), (17, 64), (5, 1000)):
-        chain = Chain.random(n, seed=n)
-        state = chain.random_state(samples)
-        cases.append((chain, state, mp2a.rnea(chain, *state, threads=1)))
+        model = Model.random(n, seed=n)
+        state = model.random_state(samples)
+        cases.append((model, state, mp2a.rnea(model, *state, threads=1)))
 
     def call(k):
         wrong = 0
         for i in range(200):
-            chain, state, expected = cases[(i * (k + 1)) % len(cases)]
-            wrong += not np.array_equal(mp2a.rnea(chain, *state, threads=2 + (i + k) % 3), expected)
+            model, state, expected = cases[(i * (k + 1)) % len(cases)]
+            wrong += not np.array_equal(mp2a.rnea(model, *state, threads=2 + (i + k) % 3), expected)
             if i % 40 == k:
                 time.sleep(0.005)  # long enough for helpers to fall asleep
         return wrong
@@ -397,11 +397,11 @@ def test_many_callers_share_the_threads():
 @pytest.mark.parametrize("n, samples", [(8, 400), (long.WORTH_IT, 1)])
 def test_forked_process_has_threads_of_its_own(n, samples):
     """A process that is forked after the threads were used must not wait for those of its parent."""
-    chain = Chain.random(n)
-    state = chain.random_state(samples)
-    expected = mp2a.rnea(chain, *state, threads=2)
+    model = Model.random(n)
+    state = model.random_state(samples)
+    expected = mp2a.rnea(model, *state, threads=2)
     child = os.fork()
     if not child:
         signal.alarm(20)
-        os._exit(not np.array_equal(mp2a.rnea(chain, *state, threads=2), expected))
+        os._exit(not np.array_equal(mp2a.rnea(model, *state, threads=2), expected))
     assert os.waitpid(child, 0)[1] == 0

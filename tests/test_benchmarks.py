@@ -10,7 +10,7 @@ import pytest
 from helpers import relative_error
 
 import mp2a
-from mp2a import Chain, kernels
+from mp2a import Model, kernels
 
 SCRIPTS = Path(__file__).parents[1] / "benchmarks"
 
@@ -82,7 +82,7 @@ def test_instructions_are_counted(scripts):
 
     if not llvm.get_host_cpu_features().get("fma"):
         pytest.skip("this processor has other instructions")
-    from counts import Count, chains, formula
+    from counts import Count, formula, models
 
     from mp2a.kernels import algebra
 
@@ -91,7 +91,7 @@ def test_instructions_are_counted(scripts):
     assert formula(lambda a, b: a + b, 1, 1) == Count(sums=1)
     assert formula(algebra.cross, 3, 3) == Count(fused=3, products=3)
     assert formula(algebra.apply, 9, 3) == Count(fused=6, products=3)
-    assert all(0 < links < 30 for links in chains())
+    assert all(0 < links < 30 for links in models())
 
 
 def test_ratios_are_those_of_neighbours(scripts):
@@ -111,10 +111,10 @@ def test_ratios_are_those_of_neighbours(scripts):
 def test_other_libraries_get_the_same_chain(scripts, tmp_path):
     from others import urdf
 
-    chain = Chain.random(7, seed=3, branching=2)
-    (tmp_path / "chain.urdf").write_text(urdf(chain))
-    read = Chain.from_urdf(tmp_path / "chain.urdf")
-    state = chain.random_state(5)
+    model = Model.random(7, seed=3, branching=2)
+    (tmp_path / "chain.urdf").write_text(urdf(model))
+    read = Model.from_urdf(tmp_path / "chain.urdf")
+    state = model.random_state(5)
     order = np.argsort(read.names)
     q, v, a = (x[:, [int(name.removeprefix("joint")) for name in read.names]] for x in state)
-    assert relative_error(mp2a.rnea(read, q, v, a)[:, order], mp2a.rnea(chain, *state)) < 1e-12
+    assert relative_error(mp2a.rnea(read, q, v, a)[:, order], mp2a.rnea(model, *state)) < 1e-12

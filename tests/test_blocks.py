@@ -7,12 +7,12 @@ from helpers import ALL_JOINTS, random_load, relative_error
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mp2a import Chain, kernels
-from mp2a.leaf import check_state
+from mp2a import Model, kernels
+from mp2a.algebra import motion
 from mp2a.methods import block
 from mp2a.recursion import by_numpy, recursion, segment, segment_by_numpy
-from mp2a.segments import motion
 from mp2a.spatial import classical_to_spatial, spatial_to_classical
+from mp2a.validation import check_state
 
 sizes = st.integers(1, 9)
 samples = st.integers(1, 10)
@@ -20,11 +20,11 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def block_of(m, samples, seed):
-    """Chain of all joint types with its state, and motion for its base."""
-    chain = Chain.random(m, seed, ALL_JOINTS)
-    forces, _ = random_load(chain, samples, seed)
-    state = check_state(chain, *chain.random_state(samples, seed), forces)
-    return chain, state, np.random.default_rng(seed).normal(size=(samples, 12))
+    """Model of all joint types with its state, and motion for its base."""
+    model = Model.random(m, seed, ALL_JOINTS)
+    forces, _ = random_load(model, samples, seed)
+    state = check_state(model, *model.random_state(samples, seed), forces)
+    return model, state, np.random.default_rng(seed).normal(size=(samples, 12))
 
 
 def velocity_and_acceleration(base):
@@ -34,16 +34,16 @@ def velocity_and_acceleration(base):
 
 @given(sizes, samples, seeds)
 def test_a_block_presses_on_its_base_as_its_load_does(m, samples, seed):
-    chain, state, base = block_of(m, samples, seed)
+    model, state, base = block_of(m, samples, seed)
     for reduce, solve in ((segment_by_numpy, by_numpy), (partial(segment, loaded=True), recursion)):
         velocity, acceleration = velocity_and_acceleration(base)
-        together = kernels.force(reduce(chain, state)[1], velocity, classical_to_spatial(acceleration, velocity))
-        assert relative_error(together, solve(chain, state, base).root.T) < 1e-12
+        together = kernels.force(reduce(model, state)[1], velocity, classical_to_spatial(acceleration, velocity))
+        assert relative_error(together, solve(model, state, base).root.T) < 1e-12
 
 
 @given(sizes, samples, seeds)
 def test_the_tail_is_at_the_end_of_the_path_to_it(m, samples, seed):
-    chain, state, base = block_of(m, samples, seed)
+    model, state, base = block_of(m, samples, seed)
     velocity, acceleration = velocity_and_acceleration(base)
     start = np.zeros((samples, 24))
     start[:, [0, 4, 8]] = 1.0  # a path of no length, from something that stands still
@@ -52,9 +52,9 @@ def test_the_tail_is_at_the_end_of_the_path_to_it(m, samples, seed):
         (segment_by_numpy, by_numpy),
         (partial(segment, loaded=False), partial(recursion, bodies=True)),
     ):
-        end = motion.compose(start, reduce(chain, state)[0])
+        end = motion.compose(start, reduce(model, state)[0])
         last = (
-            (solve(chain, state, base, bodies=True) if solve is recursion else solve(chain, state, base))
+            (solve(model, state, base, bodies=True) if solve is recursion else solve(model, state, base))
             .bodies[:, -1]
             .T
         )
@@ -65,10 +65,10 @@ def test_the_tail_is_at_the_end_of_the_path_to_it(m, samples, seed):
 @given(m=st.integers(2, 9), samples=samples, seed=seeds, data=st.data())
 def test_two_blocks_are_one(m, samples, seed, data):
     """Wherever a chain is cut, inside and outside together give what the whole gives."""
-    chain, state, base = block_of(m, samples, seed)
+    model, state, base = block_of(m, samples, seed)
     at = data.draw(st.integers(1, m - 1))
-    whole = recursion(chain, state, base, bodies=True)
-    parts = [(block.cut(chain, cut), block.part(chain, state, cut)) for cut in (range(at), range(at, m))]
+    whole = recursion(model, state, base, bodies=True)
+    parts = [(block.cut(model, cut), block.part(model, state, cut)) for cut in (range(at), range(at, m))]
     tail = whole.bodies[:, at - 1].T
     outer = recursion(*parts[1], np.concatenate((tail[:3], tail[6:12], tail[3:6])).T, bodies=True)
     inner = recursion(*parts[0], base, -outer.root.T, bodies=True)
@@ -87,11 +87,11 @@ def test_shares_are_even(bodies, ranks):
 
 @given(st.integers(1, 12), st.data())
 def test_parts_of_a_chain_are_the_chain(n, data):
-    chain = Chain.random(n, 3, ALL_JOINTS)
+    model = Model.random(n, 3, ALL_JOINTS)
     at = data.draw(st.integers(0, n))
-    parts = [block.cut(chain, bodies) for bodies in (range(at), range(at, n)) if len(bodies)]
+    parts = [block.cut(model, bodies) for bodies in (range(at), range(at, n)) if len(bodies)]
     assert all(part.is_serial for part in parts)
     for field in ("axes", "rotations", "translations", "masses", "coms", "inertias"):
-        assert np.array_equal(np.concatenate([getattr(part, field) for part in parts]), getattr(chain, field))
-    assert sum((part.joints for part in parts), ()) == chain.joints
-    assert sum((part.names for part in parts), ()) == chain.names
+        assert np.array_equal(np.concatenate([getattr(part, field) for part in parts]), getattr(model, field))
+    assert sum((part.joints for part in parts), ()) == model.joints
+    assert sum((part.names for part in parts), ()) == model.names

@@ -97,8 +97,8 @@ def test_trace_and_its_timeline(tmp_path):
     assert (tmp_path / "timeline.svg").exists()
 
 
-def test_model_prints_both_counts():
-    printed = mp2a("model", "--n", "8,512").stdout
+def test_cost_prints_both_counts():
+    printed = mp2a("cost", "--n", "8,512").stdout
     assert "table I" in printed
     assert "modelled" in printed
     assert "464100" in printed
@@ -109,7 +109,7 @@ def test_schedule_is_printed(method):
     assert "1→2" in mp2a("schedule", "--n", 4, "--method", method).stdout
 
 
-@pytest.mark.parametrize("command", [(), ("bench",), ("plot",), ("model",), ("schedule",), ("trace",)])
+@pytest.mark.parametrize("command", [(), ("bench",), ("plot",), ("cost",), ("schedule",), ("trace",)])
 def test_help_has_examples(command):
     printed = mp2a(*command, "--help").stdout
     assert "usage: mp2a" in printed

@@ -121,7 +121,7 @@ def test_rigid_shapes_keep_their_shape(shape):
 def test_force_and_motion_are_those_of_the_recurrences(shape):
     """The scan is inverse dynamics of the chain: with its joints put into `rnea`, the same F."""
     formation = Formation.of(shape, 6, mass=40.0 + np.arange(6))
-    march = March(formation, BEND, OneProcess(formation.chain, "compact"))
+    march = March(formation, BEND, OneProcess(formation.model, "compact"))
     seen = []
     run_scan = march.exchange.run
 
@@ -138,7 +138,7 @@ def test_force_and_motion_are_those_of_the_recurrences(shape):
     forces[:, 3:5], forces[:, 2] = external[:, :2], external[:, 2]
     assert np.abs(forces).max() > 1
     done = rnea(
-        formation.chain,
+        formation.model,
         coordinates(joints).ravel(),
         joints.velocity.ravel(),
         joints.rate.ravel(),
@@ -146,7 +146,7 @@ def test_force_and_motion_are_those_of_the_recurrences(shape):
         bodies=True,
     )
     assert np.allclose(report.scan.force, done.force[:, [3, 4, 2]], atol=1e-6)
-    still = rnea(formation.chain, coordinates(joints).ravel(), *np.zeros((2, 18)), forces, bodies=True)
+    still = rnea(formation.model, coordinates(joints).ravel(), *np.zeros((2, 18)), forces, bodies=True)
     assert np.allclose(report.scan.obstacles, -still.force[:, [3, 4, 2]], atol=1e-9)
     # What obstacles press with adds up towards the leader.
     headings = report.scan.motion.pose[:, 2]
@@ -158,13 +158,13 @@ def test_the_load_of_a_joint_is_the_work_that_its_displacement_makes_the_obstacl
     """Virtual work: forces that keep their direction, and the derivative of their work by every displacement."""
     rng = np.random.default_rng(4)
     formation = Formation.of("triangle", 6)
-    exchange = OneProcess(formation.chain)
+    exchange = OneProcess(formation.model)
     forces, displaced = rng.normal(size=6) + 1j * rng.normal(size=6), rng.normal(scale=0.3, size=(6, 3))
 
     def displaced_scan(displacement):
         bend = Motion(*joint(none(6)._replace(value=displacement)))
         joints = beyond(at_rest(formation.layout.places), bend)
-        pose = placements(formation.chain, coordinates(joints).ravel())
+        pose = placements(formation.model, coordinates(joints).ravel())
         heading = np.arctan2(pose[0][:, 1, 0], pose[0][:, 0, 0])
         own = forces * np.exp(-1j * heading)
         external = np.stack((own.real, own.imag, np.zeros(6)), axis=-1)
@@ -189,8 +189,8 @@ def test_the_load_of_a_joint_is_the_work_that_its_displacement_makes_the_obstacl
 def test_every_method_gives_the_same_march(shape, method):
     formation = Formation.of(shape, 5)
     world = Discs([[4, 0.1, 0.4]])
-    expected, *_ = run(March(formation, BEND, OneProcess(formation.chain, "serial")), 100, world)
-    got, *_ = run(March(formation, BEND, OneProcess(formation.chain, method)), 100, world)
+    expected, *_ = run(March(formation, BEND, OneProcess(formation.model, "serial")), 100, world)
+    got, *_ = run(March(formation, BEND, OneProcess(formation.model, method)), 100, world)
     assert np.allclose(got, expected, atol=1e-9)
     assert np.abs(expected[..., 1]).max() > 0.1
 

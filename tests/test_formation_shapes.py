@@ -57,13 +57,13 @@ def test_only_the_line_follows():
 
 def test_formation_is_a_chain_of_planar_joints():
     formation = Formation.of("triangle", 6, mass=np.arange(6) + 1.0, inertia=2.0)
-    chain = formation.chain
-    assert chain.joints == ("planar",) * 6
-    assert (chain.masses == np.arange(6) + 1).all()
-    assert (chain.inertias[:, 2, 2] == 2).all()
-    assert (chain.parents == formation.layout.parents).all()
+    model = formation.model
+    assert model.joints == ("planar",) * 6
+    assert (model.masses == np.arange(6) + 1).all()
+    assert (model.inertias[:, 2, 2] == 2).all()
+    assert (model.parents == formation.layout.parents).all()
     q = coordinates(Motion(formation.layout.places, *np.zeros((2, 6, 3)))).ravel()
-    _, position = mp2a.placements(chain, q)
+    _, position = mp2a.placements(model, q)
     assert np.allclose(position[:, :2] @ [1, 1j], positions("triangle", 6))
 
 
@@ -77,7 +77,7 @@ def test_planar_motion_is_that_of_the_recurrences(method):
         joint = Motion(*(part[i] for part in joints))
         expected.append(beyond(expected[-1], joint) if i else joint)
     done = mp2a.rnea(
-        formation.chain,
+        formation.model,
         coordinates(joints).ravel(),
         joints.velocity.ravel(),
         joints.rate.ravel(),

@@ -7,7 +7,7 @@ from helpers import ALL_JOINTS, derivative, relative_error
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mp2a import Chain
+from mp2a import Model
 from mp2a.joints import JOINTS
 
 every_joint = pytest.mark.parametrize("name", ALL_JOINTS)
@@ -16,9 +16,9 @@ seeds = st.integers(0, 2**32 - 1)
 
 def lone_joint(name, seed):
     """A joint, a chain of it alone at the base, and random q and v."""
-    fields = Chain.random(1, seed=seed, joints=(name,))
-    chain = Chain([-1], (name,), fields.axes, [np.eye(3)], [[0, 0, 0]], [1.0], [[0, 0, 0]], [np.eye(3)])
-    return JOINTS[name], chain, *chain.random_state(seed=seed)[:2]
+    fields = Model.random(1, seed=seed, joints=(name,))
+    model = Model([-1], (name,), fields.axes, [np.eye(3)], [[0, 0, 0]], [1.0], [[0, 0, 0]], [np.eye(3)])
+    return JOINTS[name], model, *model.random_state(seed=seed)[:2]
 
 
 def rates(name, q, v):
@@ -41,37 +41,37 @@ def rates(name, q, v):
 @every_joint
 @given(seed=seeds)
 def test_placement_and_subspace_are_pinocchios(name, seed):
-    joint, chain, q, v = lone_joint(name, seed)
-    model = chain.to_pinocchio()
-    data = model.createData()
-    pinocchio.forwardKinematics(model, data, q, v)
-    rotation, translation = (x[0, 0] for x in joint.place(chain.axes, q[None, None]))
+    joint, model, q, v = lone_joint(name, seed)
+    pin_model = model.to_pinocchio()
+    data = pin_model.createData()
+    pinocchio.forwardKinematics(pin_model, data, q, v)
+    rotation, translation = (x[0, 0] for x in joint.place(model.axes, q[None, None]))
     assert relative_error(rotation, data.oMi[1].rotation) < 1e-14
     assert np.allclose(translation, data.oMi[1].translation, rtol=0, atol=1e-14)
-    motion = joint.subspace(chain.axes)[0] @ v
+    motion = joint.subspace(model.axes)[0] @ v
     assert relative_error(np.roll(motion, 3), data.v[1].vector) < 1e-14
-    assert (model.nq, model.nv) == (joint.nq, joint.nv)
+    assert (pin_model.nq, pin_model.nv) == (joint.nq, joint.nv)
 
 
 @every_joint
 @given(seed=seeds)
 def test_placement_changes_as_the_subspace_says(name, seed):
-    joint, chain, q, v = lone_joint(name, seed)
-    rotation = joint.place(chain.axes, q[None, None])[0][0, 0]
+    joint, model, q, v = lone_joint(name, seed)
+    rotation = joint.place(model.axes, q[None, None])[0][0, 0]
     q_dot = rates(name, q, v)
     turning, moving = (
-        derivative(lambda t, part=part: joint.place(chain.axes, (q + t * q_dot)[None, None])[part][0, 0], 1e-3)
+        derivative(lambda t, part=part: joint.place(model.axes, (q + t * q_dot)[None, None])[part][0, 0], 1e-3)
         for part in (0, 1)
     )
     spin = rotation.T @ turning
     twist = np.concatenate(([spin[2, 1], spin[0, 2], spin[1, 0]], rotation.T @ moving))
-    assert relative_error(twist, joint.subspace(chain.axes)[0] @ v) < 1e-9
+    assert relative_error(twist, joint.subspace(model.axes)[0] @ v) < 1e-9
 
 
 @every_joint
 def test_neutral_moves_nothing(name):
-    joint, chain, _, _ = lone_joint(name, 0)
-    rotation, translation = joint.place(chain.axes, chain.neutral[None, None])
+    joint, model, _, _ = lone_joint(name, 0)
+    rotation, translation = joint.place(model.axes, model.neutral[None, None])
     assert np.array_equal(rotation[0, 0], np.eye(3))
     assert not translation.any()
 
@@ -79,13 +79,13 @@ def test_neutral_moves_nothing(name):
 @every_joint
 @given(seed=seeds)
 def test_place_is_a_rotation_when_the_unit_part_has_length_one(name, seed):
-    joint, chain, q, _ = lone_joint(name, seed)
-    rotation = joint.place(chain.axes, q[None, None])[0][0, 0]
+    joint, model, q, _ = lone_joint(name, seed)
+    rotation = joint.place(model.axes, q[None, None])[0][0, 0]
     assert relative_error(rotation @ rotation.T, np.eye(3)) < 1e-14
     assert np.linalg.det(rotation) > 0
     if joint.unit is not None:
         assert np.isclose(np.linalg.norm(np.array(joint.neutral)[joint.unit]), 1.0)
         stretched = q.copy()
         stretched[joint.unit] *= 1.1
-        rotation = joint.place(chain.axes, stretched[None, None])[0][0, 0]
+        rotation = joint.place(model.axes, stretched[None, None])[0][0, 0]
         assert relative_error(rotation @ rotation.T, np.eye(3)) > 1e-3

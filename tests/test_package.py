@@ -14,9 +14,10 @@ MODULES = sorted(ROOT.rglob("*.py"))
 
 # From the bottom to the top; what is not named here stands above all of it.
 LAYERS = (
-    "exceptions", "checks", "cores", "network", "spatial", "joints", "readers", "chain", "leaf", "segments",
-    "kernels", "recursion", "schedule", "transport", "methods", "dynamics", "distributed", "arrangement", "formation",
-    "launch", "reference", "model", "bench", "simulator", "robots", "plot", "cli",
+    "exceptions", "checks", "cores", "network", "spatial", "joints", "readers", "model", "validation",
+    "joint_kinematics", "algebra", "kernels", "recursion", "schedule", "transport", "methods", "dynamics",
+    "distributed", "process_grid", "formation", "launch", "reference", "cost_model", "bench", "simulator", "robots",
+    "plot", "cli",
 )  # fmt: skip
 NOT_ON_A_RANK = (
     "matplotlib", "pinocchio", "rich", "typer", "click", "argparse", "mujoco", "scipy", "numba",
@@ -61,14 +62,14 @@ def loaded_by(statement):
     "statement",
     [
         "import mp2a",
-        "import mp2a; mp2a.Chain.uniform(4).random_state(body=2); mp2a.InputError; mp2a.InverseDynamics",
-        "import mp2a; c = mp2a.Chain.uniform(4); mp2a.rnea(c, *c.random_state(), method='kogge-stone')",
+        "import mp2a; mp2a.Model.uniform(4).random_state(body=2); mp2a.InputError; mp2a.InverseDynamics",
+        "import mp2a; c = mp2a.Model.uniform(4); mp2a.rnea(c, *c.random_state(), method='kogge-stone')",
         "import mp2a.distributed",
         "import mp2a.simulator.ranks; from mp2a.simulator import Dance, Marchers, Observation",
         "import mp2a, mp2a.formation.robot_models",
         "from mp2a.formation import *; March(Formation.of('line', 3), waypoints([[0, 0], [1, 0]])).step()",
-        "from mpi4py import MPI; import mp2a; c = mp2a.Chain.uniform(1)\n"
-        "with mp2a.DistributedChain(MPI.COMM_SELF, c) as d: d.rnea(*c.random_state())",
+        "from mpi4py import MPI; import mp2a; c = mp2a.Model.uniform(1)\n"
+        "with mp2a.DistributedModel(MPI.COMM_SELF, c) as d: d.rnea(*c.random_state())",
     ],
 )
 def test_rank_loads_only_what_it_runs(statement):

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from mp2a import plot
+from mp2a.cost_model import amdahl, karp_flatt
 from mp2a.exceptions import InputError
-from mp2a.model import amdahl, karp_flatt
 from mp2a.plot.speedup import PARALLEL_PARTS, speedup_figure, speedups
 from mp2a.plot.style import spread
 from mp2a.plot.time import GRAINS, contenders, runs, series, time_figure

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mp2a
-from mp2a import Chain, InputError
+from mp2a import InputError, Model
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -19,50 +19,50 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def test_uniform_bodies_are_equal_and_one_offset_apart():
-    chain = Chain.uniform(6, joint="prismatic", axis=(0, 3, 4), offset=(0.5, 0, 1), mass=2.5)
-    assert set(chain.joints) == {"prismatic"}
-    assert np.allclose(chain.axes, [0, 0.6, 0.8])
-    _, origins = placements(chain, chain.neutral)
+    model = Model.uniform(6, joint="prismatic", axis=(0, 3, 4), offset=(0.5, 0, 1), mass=2.5)
+    assert set(model.joints) == {"prismatic"}
+    assert np.allclose(model.axes, [0, 0.6, 0.8])
+    _, origins = placements(model, model.neutral)
     assert np.allclose(origins, np.outer(range(6), (0.5, 0, 1)))
     for i in range(2, 6):
-        assert dataclasses.replace(chain.body(i), names=("x",)) == dataclasses.replace(chain.body(1), names=("x",))
-    assert Chain.uniform(2, inertia=3 * np.eye(3)).inertias[1, 0, 0] == 3.0
+        assert dataclasses.replace(model.body(i), names=("x",)) == dataclasses.replace(model.body(1), names=("x",))
+    assert Model.uniform(2, inertia=3 * np.eye(3)).inertias[1, 0, 0] == 3.0
 
 
 @given(n=st.integers(1, 30), seed=seeds, branching=st.integers(1, 5))
 def test_random_bodies_are_possible_bodies(n, seed, branching):
-    chain = Chain.random(n, seed, ALL_JOINTS, branching)
-    moments = np.linalg.eigvalsh(chain.inertias)
+    model = Model.random(n, seed, ALL_JOINTS, branching)
+    moments = np.linalg.eigvalsh(model.inertias)
     assert (moments > 0).all()
     assert (moments[:, 0] + moments[:, 1] >= moments[:, 2]).all()  # else no distribution of mass has this inertia
-    back = np.arange(n) - chain.parents
+    back = np.arange(n) - model.parents
     assert (back >= 1).all()
     assert (back[1:] <= branching).all()
-    assert chain.is_serial or branching > 1
+    assert model.is_serial or branching > 1
 
 
 @pytest.mark.parametrize(
     ("make", "argument"),
     [
-        (lambda: Chain.uniform(0), "n"),
-        (lambda: Chain.uniform(2.5), "n"),
-        (lambda: Chain.uniform(2, offset=(1, 0)), "offset"),
-        (lambda: Chain.uniform(2, joint="hinge"), "joints"),
-        (lambda: Chain.uniform(2, axis=(0, 0, 0)), "axes"),
-        (lambda: Chain.uniform(2, mass=-1), "masses"),
-        (lambda: Chain.random(-1), "n"),
-        (lambda: Chain.random(2, joints=()), "joints"),
-        (lambda: Chain.random(2, joints=("hinge",)), "joints"),
-        (lambda: Chain.random(2, branching=0), "branching"),
-        (lambda: Chain.from_dh([[1, 2, 3]]), "rows"),
-        (lambda: Chain.from_dh(np.zeros((0, 4))), "rows"),
-        (lambda: Chain.from_dh([[0, np.nan, 0, 0]]), "rows"),
-        (lambda: Chain.from_dh([[0, 0, 0, 0]], convention="classic"), "convention"),
-        (lambda: Chain.from_dh([[0, 0, 0, 0]], joints=["spherical"]), "joints"),
-        (lambda: Chain.from_dh([[0, 0, 0, 0]], joints=["revolute"] * 2), "joints"),
-        (lambda: Chain.from_dh([[0, 0, 0, 0]], masses=[1, 2]), "masses"),
-        (lambda: Chain.from_dh([[0, 0, 0, 0]], coms=[0, 0, 0]), "coms"),
-        (lambda: Chain.from_dh([[0, 0, 0, 0]], inertias=np.eye(3)), "inertias"),
+        (lambda: Model.uniform(0), "n"),
+        (lambda: Model.uniform(2.5), "n"),
+        (lambda: Model.uniform(2, offset=(1, 0)), "offset"),
+        (lambda: Model.uniform(2, joint="hinge"), "joints"),
+        (lambda: Model.uniform(2, axis=(0, 0, 0)), "axes"),
+        (lambda: Model.uniform(2, mass=-1), "masses"),
+        (lambda: Model.random(-1), "n"),
+        (lambda: Model.random(2, joints=()), "joints"),
+        (lambda: Model.random(2, joints=("hinge",)), "joints"),
+        (lambda: Model.random(2, branching=0), "branching"),
+        (lambda: Model.from_dh([[1, 2, 3]]), "rows"),
+        (lambda: Model.from_dh(np.zeros((0, 4))), "rows"),
+        (lambda: Model.from_dh([[0, np.nan, 0, 0]]), "rows"),
+        (lambda: Model.from_dh([[0, 0, 0, 0]], convention="classic"), "convention"),
+        (lambda: Model.from_dh([[0, 0, 0, 0]], joints=["spherical"]), "joints"),
+        (lambda: Model.from_dh([[0, 0, 0, 0]], joints=["revolute"] * 2), "joints"),
+        (lambda: Model.from_dh([[0, 0, 0, 0]], masses=[1, 2]), "masses"),
+        (lambda: Model.from_dh([[0, 0, 0, 0]], coms=[0, 0, 0]), "coms"),
+        (lambda: Model.from_dh([[0, 0, 0, 0]], inertias=np.eye(3)), "inertias"),
     ],
 )
 def test_error_names_the_argument(make, argument):
@@ -96,7 +96,7 @@ def random_arm(n, seed):
     """Rows, joints, masses, centres of mass and inertias of an arm, in the link frames."""
     rng = np.random.default_rng(seed)
     rows = rng.uniform(-1, 1, (n, 4)) * [1, np.pi, 1, np.pi]
-    bodies = Chain.random(n, seed)
+    bodies = Model.random(n, seed)
     return rows, rng.choice(["revolute", "prismatic"], n).tolist(), bodies.masses, bodies.coms, bodies.inertias
 
 
@@ -104,15 +104,15 @@ def random_arm(n, seed):
 @given(n=st.integers(1, 8), seed=seeds)
 def test_dh_frames_are_the_product_of_dh_matrices(convention, n, seed):
     rows, joints, masses, coms, inertias = random_arm(n, seed)
-    chain = Chain.from_dh(rows, joints, convention=convention, masses=masses, coms=coms, inertias=inertias)
-    q = chain.random_state(seed=seed)[0]
+    model = Model.from_dh(rows, joints, convention=convention, masses=masses, coms=coms, inertias=inertias)
+    q = model.random_state(seed=seed)[0]
     frames = link_frames(rows, joints, q, convention)
-    rotations, origins = placements(chain, q)
-    centres = origins + np.einsum("nij,nj->ni", rotations, chain.coms)
+    rotations, origins = placements(model, q)
+    centres = origins + np.einsum("nij,nj->ni", rotations, model.coms)
     wanted = frames[:, :3, 3] + np.einsum("nij,nj->ni", frames[:, :3, :3], coms)
     assert np.allclose(centres, wanted, rtol=0, atol=1e-13)
-    assert np.allclose(chain.masses, masses)
-    turned = rotations @ chain.inertias @ rotations.swapaxes(1, 2)
+    assert np.allclose(model.masses, masses)
+    turned = rotations @ model.inertias @ rotations.swapaxes(1, 2)
     assert np.allclose(turned, frames[:, :3, :3] @ inertias @ frames[:, :3, :3].swapaxes(1, 2), rtol=0, atol=1e-13)
 
 
@@ -130,23 +130,23 @@ def test_dh_arm_has_the_torque_of_a_model_built_joint_by_joint(convention):
     rng = np.random.default_rng(0)
     _, _, masses, coms, inertias = random_arm(6, 3)
     joints = ["revolute", "revolute", "prismatic", "revolute", "revolute", "revolute"]
-    model, hook = pinocchio.Model(), pinocchio.SE3.Identity()
+    pin_model, hook = pinocchio.Model(), pinocchio.SE3.Identity()
     for i, (a, alpha, d, theta) in enumerate(PUMA):
         link, fixed = pinocchio.SE3(along(0, a, alpha)), pinocchio.SE3(along(2, d, theta))
         joint = pinocchio.JointModelRZ() if joints[i] == "revolute" else pinocchio.JointModelPZ()
         body = pinocchio.Inertia(masses[i], coms[i], inertias[i])
         if convention == "standard":  # joint, then d and theta, then a and alpha up to the link frame
-            model.addJoint(i, joint, hook, f"j{i}")
+            pin_model.addJoint(i, joint, hook, f"j{i}")
             hook = fixed * link
-            model.appendBodyToJoint(i + 1, body, hook)
+            pin_model.appendBodyToJoint(i + 1, body, hook)
         else:
-            model.addJoint(i, joint, link, f"j{i}")
-            model.appendBodyToJoint(i + 1, body, fixed)
-            model.jointPlacements[i + 1] = hook * link
+            pin_model.addJoint(i, joint, link, f"j{i}")
+            pin_model.appendBodyToJoint(i + 1, body, fixed)
+            pin_model.jointPlacements[i + 1] = hook * link
             hook = fixed
     q, v, a = rng.normal(size=(3, 6))
-    chain = Chain.from_dh(PUMA, joints, convention=convention, masses=masses, coms=coms, inertias=inertias)
-    assert relative_error(mp2a.rnea(chain, q, v, a), pinocchio.rnea(model, model.createData(), q, v, a)) < 1e-13
+    model = Model.from_dh(PUMA, joints, convention=convention, masses=masses, coms=coms, inertias=inertias)
+    assert relative_error(mp2a.rnea(model, q, v, a), pinocchio.rnea(pin_model, pin_model.createData(), q, v, a)) < 1e-13
 
 
 # ---- pinocchio -----------------------------------------------------------------------------------------------------
@@ -156,19 +156,19 @@ def test_dh_arm_has_the_torque_of_a_model_built_joint_by_joint(convention):
 @given(n=st.integers(1, 6), seed=seeds)
 @settings(max_examples=30)
 def test_chain_comes_back_from_pinocchio(joint, n, seed):
-    chain = Chain.random(n, seed, (joint,), branching=2)
-    back = Chain.from_pinocchio(chain.to_pinocchio())
+    model = Model.random(n, seed, (joint,), branching=2)
+    back = Model.from_pinocchio(model.to_pinocchio())
     if joint == "continuous":  # pinocchio divides a skew axis of this type by its length once more
-        assert np.abs(back.axes - chain.axes).max() <= 2**-52
-        back = dataclasses.replace(back, axes=chain.axes)
-    assert back == chain
+        assert np.abs(back.axes - model.axes).max() <= 2**-52
+        back = dataclasses.replace(back, axes=model.axes)
+    assert back == model
 
 
 @pytest.mark.parametrize("joint", ["revolute", "continuous", "prismatic"])
 @pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1), (-0.0, 1, 0)])
 def test_aligned_axes_come_back_from_pinocchio(joint, axis):
-    chain = Chain.uniform(3, joint, axis)
-    assert Chain.from_pinocchio(chain.to_pinocchio()) == chain
+    model = Model.uniform(3, joint, axis)
+    assert Model.from_pinocchio(model.to_pinocchio()) == model
 
 
 @pytest.mark.parametrize(
@@ -182,19 +182,19 @@ def test_aligned_axes_come_back_from_pinocchio(joint, axis):
     ],
 )
 def test_unknown_joint_type_is_refused_by_name(joint):
-    model = pinocchio.Model()
-    model.addJoint(0, joint, pinocchio.SE3.Identity(), "elbow")
-    with pytest.raises(InputError, match=f"joint 'elbow' is a {model.joints[1].shortname()}"):
-        Chain.from_pinocchio(model)
+    pin_model = pinocchio.Model()
+    pin_model.addJoint(0, joint, pinocchio.SE3.Identity(), "elbow")
+    with pytest.raises(InputError, match=f"joint 'elbow' is a {pin_model.joints[1].shortname()}"):
+        Model.from_pinocchio(pin_model)
 
 
 def test_model_that_is_more_than_a_chain_is_refused():
     with pytest.raises(InputError, match="without joints"):
-        Chain.from_pinocchio(pinocchio.Model())
-    model = Chain.uniform(3).to_pinocchio()
-    model.armature = np.array([0.0, 0.1, 0.0])  # pinocchio's rnea would add it to the torque
+        Model.from_pinocchio(pinocchio.Model())
+    pin_model = Model.uniform(3).to_pinocchio()
+    pin_model.armature = np.array([0.0, 0.1, 0.0])  # pinocchio's rnea would add it to the torque
     with pytest.raises(InputError, match="'joint2' has an armature"):
-        Chain.from_pinocchio(model)
+        Model.from_pinocchio(pin_model)
 
 
 # ---- URDF ----------------------------------------------------------------------------------------------------------
@@ -227,13 +227,13 @@ def test_urdf_arm_has_pinocchios_torque(tmp_path):
             ("continuous", "l4", "l5"), ("fixed", "l5", "tool"),
         )
     )  # fmt: skip
-    chain = Chain.from_urdf(path)
-    model = pinocchio.buildModelFromUrdf(str(path))
-    assert chain.joints == ("revolute", "continuous", "prismatic", "continuous")
-    assert chain.names == ("pedestal-l1", "l1-l2", "bracket-l3", "l4-l5")
-    q, v, a = chain.random_state(5)
-    expected = [pinocchio.rnea(model, model.createData(), *x) for x in zip(q, v, a, strict=True)]
-    assert relative_error(mp2a.rnea(chain, q, v, a), np.array(expected)) < 1e-13
+    model = Model.from_urdf(path)
+    pin_model = pinocchio.buildModelFromUrdf(str(path))
+    assert model.joints == ("revolute", "continuous", "prismatic", "continuous")
+    assert model.names == ("pedestal-l1", "l1-l2", "bracket-l3", "l4-l5")
+    q, v, a = model.random_state(5)
+    expected = [pinocchio.rnea(pin_model, pin_model.createData(), *x) for x in zip(q, v, a, strict=True)]
+    assert relative_error(mp2a.rnea(model, q, v, a), np.array(expected)) < 1e-13
 
 
 @pytest.mark.parametrize("method", ["serial", "compact", "sweep"])
@@ -245,34 +245,34 @@ def test_urdf_of_a_quadruped_is_the_tree_pinocchio_reads(tmp_path, method):
         joints += [("prismatic", f"{leg}_thigh", f"{leg}_foot")]
     path = tmp_path / "quadruped.urdf"
     path.write_text(urdf(*joints))
-    chain, model = Chain.from_urdf(path), pinocchio.buildModelFromUrdf(str(path))
-    assert not chain.is_serial
-    assert chain.names == tuple(model.names)[1:]
-    assert len(chain) == 14
-    q, v, a = chain.random_state(3)
-    expected = [pinocchio.rnea(model, model.createData(), *x) for x in zip(q, v, a, strict=True)]
-    assert relative_error(mp2a.rnea(chain, q, v, a, method=method), np.array(expected)) < 1e-12
+    model, pin_model = Model.from_urdf(path), pinocchio.buildModelFromUrdf(str(path))
+    assert not model.is_serial
+    assert model.names == tuple(pin_model.names)[1:]
+    assert len(model) == 14
+    q, v, a = model.random_state(3)
+    expected = [pinocchio.rnea(pin_model, pin_model.createData(), *x) for x in zip(q, v, a, strict=True)]
+    assert relative_error(mp2a.rnea(model, q, v, a, method=method), np.array(expected)) < 1e-12
 
 
 def test_pinocchios_own_humanoid():
-    model = pinocchio.buildSampleModelHumanoidRandom(True)
-    model.armature[:] = 0
-    chain = Chain.from_pinocchio(model)
-    state = chain.random_state()
-    expected = pinocchio.rnea(model, model.createData(), *state)
+    pin_model = pinocchio.buildSampleModelHumanoidRandom(True)
+    pin_model.armature[:] = 0
+    model = Model.from_pinocchio(pin_model)
+    state = model.random_state()
+    expected = pinocchio.rnea(pin_model, pin_model.createData(), *state)
     for method in ("serial", "compact", "sweep"):
-        assert relative_error(mp2a.rnea(chain, *state, method=method), expected) < 1e-12
+        assert relative_error(mp2a.rnea(model, *state, method=method), expected) < 1e-12
 
 
 @pytest.mark.parametrize(("kind", "joint"), [("floating", "free"), ("planar", "planar")])
 def test_urdf_joints_of_several_degrees_of_freedom(tmp_path, kind, joint):
     text = urdf((kind, "world", "body"), ("revolute", "body", "arm")).replace('xyz="1 1 -2"', 'xyz="0 0 1"')
     (tmp_path / "rover.urdf").write_text(text)
-    chain = Chain.from_urdf(str(tmp_path / "rover.urdf"))
-    model = pinocchio.buildModelFromUrdf(str(tmp_path / "rover.urdf"))
-    assert chain.joints == (joint, "revolute")
-    state = chain.random_state()
-    assert relative_error(mp2a.rnea(chain, *state), pinocchio.rnea(model, model.createData(), *state)) < 1e-13
+    model = Model.from_urdf(str(tmp_path / "rover.urdf"))
+    pin_model = pinocchio.buildModelFromUrdf(str(tmp_path / "rover.urdf"))
+    assert model.joints == (joint, "revolute")
+    state = model.random_state()
+    assert relative_error(mp2a.rnea(model, *state), pinocchio.rnea(pin_model, pin_model.createData(), *state)) < 1e-13
 
 
 @pytest.mark.parametrize(
@@ -293,10 +293,10 @@ def test_urdf_that_is_no_serial_chain_gives_an_input_error(tmp_path, content, me
     path = tmp_path / "wrong.urdf"
     path.write_bytes(content)
     with pytest.raises(InputError, match=message):
-        Chain.from_urdf(path)
+        Model.from_urdf(path)
 
 
 def test_urdf_that_cannot_be_opened_gives_an_input_error(tmp_path):
     for path in (tmp_path / "missing.urdf", tmp_path, "null\0character"):
         with pytest.raises(InputError, match=r"^path: .* cannot be read as URDF"):
-            Chain.from_urdf(path)
+            Model.from_urdf(path)

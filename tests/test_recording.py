@@ -18,7 +18,7 @@ from PIL import Image
 
 from mp2a import plot
 from mp2a.cli import main
-from mp2a.exceptions import InputError, MissingError
+from mp2a.exceptions import DependencyError, InputError
 from mp2a.formation.robot_models import HUSKY, TRADR
 from mp2a.plot.animation import frame_ticks
 from mp2a.plot.march import march_figure
@@ -175,7 +175,7 @@ def test_the_layout_asks_for_what_is_recorded(tmp_path, monkeypatch):
 
 def test_without_foxglove_the_error_says_how_to_get_it(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "foxglove", None)
-    with pytest.raises(MissingError, match=r"pip install 'mp2a\[record\]'"):
+    with pytest.raises(DependencyError, match=r"pip install 'mp2a\[record\]'"):
         RECORDING.save(tmp_path / "run.mcap")
 
 

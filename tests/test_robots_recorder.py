@@ -16,7 +16,7 @@ from rosbags.highlevel import AnyReader
 
 from mp2a import launch
 from mp2a.cli import drive, main
-from mp2a.exceptions import InputError, MissingError
+from mp2a.exceptions import DependencyError, InputError
 from mp2a.robots import fleet
 from mp2a.robots.adapters import ADAPTERS, REAL, Made
 from mp2a.robots.dry import DryRobot
@@ -190,7 +190,7 @@ def test_without_rosbags_the_error_says_how_to_get_it(tmp_path, monkeypatch):
     (tmp_path / "rosbags" / "__init__.py").write_text("raise ImportError('no rosbags')")
     path = os.environ.get("PYTHONPATH")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *([path] if path else [])]))
-    with pytest.raises(MissingError, match=r"pip install 'mp2a\[record\]', or --bag none"):
+    with pytest.raises(DependencyError, match=r"pip install 'mp2a\[record\]', or --bag none"):
         Recorder(orders(tmp_path / "out"), wait=True)
     assert Recorder(orders(tmp_path / "out", "none"), wait=True).close() == ""
 

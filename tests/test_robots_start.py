@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mp2a import launch
-from mp2a.exceptions import InputError, MissingError
+from mp2a.exceptions import DependencyError, InputError
 from mp2a.robots.start import CLOCK_TOLERANCE, LEAD, PATIENCE, Start
 
 ROLES = ("R1", "R2", "R3")
@@ -86,7 +86,7 @@ def test_the_latest_proposal_holds_in_whatever_order_they_come(order):
 def test_a_clock_that_is_ahead_is_refused():
     start = Start("R1", ROLES)
     start.hear(f"sync R2 {LEAD + CLOCK_TOLERANCE - 0.01}", 0.0)
-    with pytest.raises(MissingError, match=r"the clock of R3 is 2.0 s ahead of that of R1"):
+    with pytest.raises(DependencyError, match=r"the clock of R3 is 2.0 s ahead of that of R1"):
         start.hear(f"sync R3 {LEAD + 2.0}", 0.0)
 
 
@@ -94,7 +94,7 @@ def test_who_learns_it_too_late_says_so():
     start = Start("R1", ("R1", "R2"))
     start.hear("test R1 R2", 0.0)
     start.say(0.0)
-    with pytest.raises(MissingError, match=r"R1 learned 1.0 s too late when to start"):
+    with pytest.raises(DependencyError, match=r"R1 learned 1.0 s too late when to start"):
         start.hear(f"sync R2 {LEAD - 0.5}", LEAD + 1.0)
 
 
@@ -102,7 +102,7 @@ def test_who_is_missing_is_named():
     start = Start("R1", ROLES)
     start.hear("test R1 R2", 0.0)
     start.check(PATIENCE - 1)
-    with pytest.raises(MissingError, match="R1 waited 60 s for R3; are all robots on"):
+    with pytest.raises(DependencyError, match="R1 waited 60 s for R3; are all robots on"):
         start.check(PATIENCE + 1)
     with pytest.raises(InputError, match="role: got 'R9'"):
         Start("R9", ROLES)

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from mp2a import launch
-from mp2a.exceptions import MissingError
+from mp2a.exceptions import DependencyError
 from mp2a.robots import watchdog
 from mp2a.robots.sender import Sender, SenderGone
 from mp2a.robots.table import INTERFACES
@@ -237,7 +237,7 @@ def test_while_a_human_drives_nothing_is_sent(tmp_path):
 
 def test_a_watchdog_that_cannot_reach_its_robot_says_why(monkeypatch):
     monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:1")
-    with pytest.raises(MissingError, match=r"no watchdog: .*ROS"):
+    with pytest.raises(DependencyError, match=r"no watchdog: .*ROS"):
         Sender(replace(HUSKY, rate=10), "ros1", role="R1")
 
 

@@ -8,8 +8,8 @@ from helpers import ALL_JOINTS, random_load
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mp2a import Chain, InputError
-from mp2a.leaf import check_state
+from mp2a import InputError, Model
+from mp2a.algebra.affine import DOUBLES, MATRIX_AND_VECTOR, VECTOR
 from mp2a.methods import METHODS, block
 from mp2a.methods.cost import cost
 from mp2a.schedule import (
@@ -27,8 +27,8 @@ from mp2a.schedule import (
     shifted,
     sweep,
 )
-from mp2a.segments.affine import DOUBLES, MATRIX_AND_VECTOR, VECTOR
 from mp2a.transport.local import LocalTransport
+from mp2a.validation import check_state
 
 RECURRENCES = ("velocity", "acceleration", "force")
 every_size = pytest.mark.parametrize("n", [*range(1, 71), 512, 1000])
@@ -143,21 +143,21 @@ def test_relay_passes_through_every_robot_and_back(n):
 @pytest.mark.parametrize("name", METHODS)
 @given(n=st.integers(1, 40), samples=st.integers(1, 4), branching=st.integers(1, 3))
 def test_local_transport_carries_what_the_schedule_and_the_cost_model_count(name, n, samples, branching):
-    chain = Chain.random(n, joints=ALL_JOINTS, branching=1 if name == "kogge-stone" else branching)
-    forces, gravity = random_load(chain, samples)
+    model = Model.random(n, joints=ALL_JOINTS, branching=1 if name == "kogge-stone" else branching)
+    forces, gravity = random_load(model, samples)
     method, transport = METHODS[name], LocalTransport(n)
-    state = check_state(chain, *chain.random_state(samples), forces)
-    schedule = method.schedule(chain.parents)
-    method.solve(chain, state, gravity, schedule, transport)
+    state = check_state(model, *model.random_state(samples), forces)
+    schedule = method.schedule(model.parents)
+    method.solve(model, state, gravity, schedule, transport)
     count = schedule.count(method.doubles)
     assert (transport.messages, transport.doubles) == (count.total, samples * count.doubles)
-    modelled = cost(name, chain.parents, samples, latency=0.01, bandwidth=1e9)
+    modelled = cost(name, model.parents, samples, latency=0.01, bandwidth=1e9)
     assert modelled[:3] == (len(schedule.rounds), transport.messages, 8 * transport.doubles)
     assert modelled.seconds >= 0.01 * modelled.rounds
 
 
 def parents_of(n, seed, branching):
-    return Chain.random(n, seed, branching=branching).parents
+    return Model.random(n, seed, branching=branching).parents
 
 
 def depth(parents):

@@ -25,7 +25,7 @@ from mp2a.bench.simgrid import (
     replay,
     simulate,
 )
-from mp2a.exceptions import InputError, MissingError
+from mp2a.exceptions import DependencyError, InputError
 from mp2a.plot.simulated import simulated as draw
 from mp2a.plot.simulated import simulated_figure
 from mp2a.schedule import SCHEDULES, rounds_needed
@@ -177,9 +177,9 @@ def test_an_unknown_way_of_sharing_is_refused():
 
 def test_without_smpirun_the_error_says_how_to_get_it(monkeypatch, tmp_path):
     monkeypatch.setattr(shutil, "which", lambda name: None)
-    with pytest.raises(MissingError, match="apt-get install libsimgrid-dev"):
+    with pytest.raises(DependencyError, match="apt-get install libsimgrid-dev"):
         simulate(NETWORKS["ethernet"], 2, [])
-    with pytest.raises(MissingError, match="apt-get install libsimgrid-dev"):
+    with pytest.raises(DependencyError, match="apt-get install libsimgrid-dev"):
         simulated.sweep(tmp_path / "out.json", [2], [1])
     assert not list(tmp_path.iterdir())
 
@@ -187,7 +187,7 @@ def test_without_smpirun_the_error_says_how_to_get_it(monkeypatch, tmp_path):
 def test_more_ranks_than_memory_holds_are_refused(monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda name: "smpirun")
     monkeypatch.setattr("mp2a.bench.simgrid.available_memory", lambda: 10**6)
-    with pytest.raises(MissingError, match=r"1000 ranks takes 0\.1 GB and 0\.0 GB are free"):
+    with pytest.raises(DependencyError, match=r"1000 ranks takes 0\.1 GB and 0\.0 GB are free"):
         simulate(NETWORKS["ethernet"], 1000, [])
 
 

@@ -5,7 +5,7 @@ from helpers import relative_error
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mp2a import Chain, spatial
+from mp2a import Model, spatial
 
 EXACT = 1e-13
 seeds = st.integers(0, 2**32 - 1)
@@ -13,8 +13,8 @@ seeds = st.integers(0, 2**32 - 1)
 
 def placement(rng):
     """A rotation and a translation."""
-    chain = Chain.random(1, seed=int(rng.integers(2**32)))
-    return chain.rotations[0], rng.normal(size=3)
+    model = Model.random(1, seed=int(rng.integers(2**32)))
+    return model.rotations[0], rng.normal(size=3)
 
 
 def paper_p(p):

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mp2a
-from mp2a import Chain
+from mp2a import Model
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -18,30 +18,30 @@ def numbers(array):
     return " ".join(repr(float(x)) for x in np.ravel(array))
 
 
-def mjcf(chain, gravity):
+def mjcf(model, gravity):
     """MuJoCo's description of a serial chain: bodies within bodies."""
     lines = [
         '<mujoco><compiler angle="radian"/>',
         f'<option gravity="{numbers(gravity)}"><flag contact="disable" constraint="disable"/></option><worldbody>',
     ]
-    for i, joint in enumerate(chain.joints):
+    for i, joint in enumerate(model.joints):
         quaternion = np.empty(4)
-        mujoco.mju_mat2Quat(quaternion, chain.rotations[i].ravel())
-        inertia = chain.inertias[i][[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-        axis = "" if joint == "spherical" else f'axis="{numbers(chain.axes[i])}"'
+        mujoco.mju_mat2Quat(quaternion, model.rotations[i].ravel())
+        inertia = model.inertias[i][[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        axis = "" if joint == "spherical" else f'axis="{numbers(model.axes[i])}"'
         lines.append(
-            f'<body pos="{numbers(chain.translations[i])}" quat="{numbers(quaternion)}">'
-            f'<joint type="{JOINTS[joint]}" {axis}/><inertial pos="{numbers(chain.coms[i])}" '
-            f'mass="{float(chain.masses[i])!r}" fullinertia="{numbers(inertia)}"/>'
+            f'<body pos="{numbers(model.translations[i])}" quat="{numbers(quaternion)}">'
+            f'<joint type="{JOINTS[joint]}" {axis}/><inertial pos="{numbers(model.coms[i])}" '
+            f'mass="{float(model.masses[i])!r}" fullinertia="{numbers(inertia)}"/>'
         )
-    return "\n".join([*lines, "</body>" * len(chain), "</worldbody></mujoco>"])
+    return "\n".join([*lines, "</body>" * len(model), "</worldbody></mujoco>"])
 
 
-def mujoco_coordinates(chain, q):
+def mujoco_coordinates(model, q):
     """Coordinates in MuJoCo's convention: quaternions with w first, an angle for a cosine and sine."""
     out = []
-    for i, joint in enumerate(chain.joints):
-        own = q[chain.q_starts[i] : chain.q_starts[i + 1]]
+    for i, joint in enumerate(model.joints):
+        own = q[model.q_starts[i] : model.q_starts[i + 1]]
         if joint == "spherical":
             own = np.roll(own, 1)
         elif joint == "continuous":
@@ -53,11 +53,11 @@ def mujoco_coordinates(chain, q):
 @pytest.mark.parametrize("method", ["serial", "kogge-stone"])
 @given(n=st.integers(1, 20), seed=st.integers(0, 2**32 - 1))
 def test_torque_is_mujocos(method, n, seed):
-    chain = Chain.random(n, seed, tuple(JOINTS))
+    model = Model.random(n, seed, tuple(JOINTS))
     gravity = np.random.default_rng(seed).normal(scale=5.0, size=3)
-    q, v, a = chain.random_state(seed=seed)
-    model = mujoco.MjModel.from_xml_string(mjcf(chain, gravity))
-    data = mujoco.MjData(model)
-    data.qpos, data.qvel, data.qacc = mujoco_coordinates(chain, q), v, a
-    mujoco.mj_inverse(model, data)
-    assert relative_error(mp2a.rnea(chain, q, v, a, gravity=gravity, method=method), data.qfrc_inverse) <= 1e-10
+    q, v, a = model.random_state(seed=seed)
+    mj_model = mujoco.MjModel.from_xml_string(mjcf(model, gravity))
+    data = mujoco.MjData(mj_model)
+    data.qpos, data.qvel, data.qacc = mujoco_coordinates(model, q), v, a
+    mujoco.mj_inverse(mj_model, data)
+    assert relative_error(mp2a.rnea(model, q, v, a, gravity=gravity, method=method), data.qfrc_inverse) <= 1e-10

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.chain import Chain
+from mp2a.model import Model
 from mp2a.reference import Reference
 from mp2a.spatial import Array
 from mp2a.transport.link import Link
@@ -19,7 +19,7 @@ class Centre:
     ----------
     link
         One rank a robot, in the order of the chain.
-    chain
+    model
         The whole chain.
     reference
         pinocchio's model of the chain on rank 0; None on all others.
@@ -29,14 +29,14 @@ class Centre:
         message each way, but n - 1 of them at the centre.
     """
 
-    def __init__(self, link: Link, chain: Chain, reference: Reference | None, *, tree: bool = False) -> None:
+    def __init__(self, link: Link, model: Model, reference: Reference | None, *, tree: bool = False) -> None:
         self._link = link
         self._rank, self._size = link.comm.Get_rank(), link.comm.Get_size()
         self._reference = reference
         self._tree = tree
-        nq, nv = np.diff(chain.q_starts), np.diff(chain.v_starts)
+        nq, nv = np.diff(model.q_starts), np.diff(model.v_starts)
         self._rows_in = np.concatenate(([0], np.cumsum(nq + 2 * nv)))
-        self._rows_out = np.asarray(chain.v_starts)
+        self._rows_out = np.asarray(model.v_starts)
         begins = self._rows_in[:-1]
         spans = ((begins, nq), (begins + nq, nv), (begins + nq + nv, nv))
         self._rows = [

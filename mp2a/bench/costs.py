@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
-from mp2a.chain import Chain
-from mp2a.leaf import State, check_state
 from mp2a.methods import METHODS, Method
+from mp2a.model import Model
 from mp2a.schedule import Round, Schedule, Transfer
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.base import Arrival
 from mp2a.transport.local import LocalTransport
+from mp2a.validation import JointState, check_state
 
 if TYPE_CHECKING:
     from mp2a.transport.link import Link
@@ -49,10 +49,10 @@ def method(name: str, samples: int, seed: int = 0) -> Costs:
         Of the random chain and its motion.
     """
     chosen = METHODS[name]
-    chain = Chain.random(_ROBOTS, seed)
+    model = Model.random(_ROBOTS, seed)
     middle = _ROBOTS // 2
-    body = chain.body(middle)
-    state = check_state(body, *chain.random_state(samples, seed, body=middle), None)
+    body = model.body(middle)
+    state = check_state(body, *model.random_state(samples, seed, body=middle), None)
     schedule = as_seen_by(middle, chosen.schedule(_ROBOTS))
     gravity = np.asarray(GRAVITY, dtype=float)
 
@@ -67,7 +67,7 @@ def method(name: str, samples: int, seed: int = 0) -> Costs:
     return measured._replace(between={**measured.between, **_recorded(chosen, body, state, gravity, schedule)})
 
 
-def _recorded(chosen: Method, body: Chain, state: State, gravity: Array, schedule: Schedule) -> dict[str, float]:
+def _recorded(chosen: Method, body: Model, state: JointState, gravity: Array, schedule: Schedule) -> dict[str, float]:
     """Seconds between the rounds of each recurrence, where rounds are recorded and done without the interpreter."""
     from mpi4py import MPI
 
@@ -101,9 +101,9 @@ def relay(samples: int, seed: int = 0) -> Costs:
     """
     from mp2a.bench.relay import Relay
 
-    chain = Chain.random(3, seed)
-    robot = Relay(cast("Link", _Neighbours()), chain)
-    state = chain.random_state(samples, seed, body=1)
+    model = Model.random(3, seed)
+    robot = Relay(cast("Link", _Neighbours()), model)
+    state = model.random_state(samples, seed, body=1)
 
     def once() -> list[float]:
         robot.alone = robot.hopping = 0.0
@@ -119,14 +119,14 @@ def centre(samples: int, seed: int = 0) -> float:
 
     Raises
     ------
-    MissingError
+    DependencyError
         If pinocchio does not fit in memory.
     """
     from mp2a.reference import Reference
 
-    chain = Chain.random(_ROBOTS, seed)
-    reference = Reference(chain)
-    state = chain.random_state(samples, seed)
+    model = Model.random(_ROBOTS, seed)
+    reference = Reference(model)
+    state = model.random_state(samples, seed)
 
     def once() -> list[float]:
         began = time.thread_time()

@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from mp2a import model
+from mp2a import cost_model
 from mp2a.bench.centre import Centre
 from mp2a.bench.relay import Relay
 from mp2a.bench.settings import STARTED, Settings
 from mp2a.bench.timing import SINGLES, Timing, barrier, give_back, measure
-from mp2a.chain import Chain
 from mp2a.cores import is_oversubscribed, usable_cores
-from mp2a.distributed import DistributedChain
+from mp2a.distributed import DistributedModel
 from mp2a.dynamics import rnea
-from mp2a.exceptions import MissingError
+from mp2a.exceptions import DependencyError
 from mp2a.methods import METHODS
+from mp2a.model import Model
 from mp2a.reference import Reference
 from mp2a.spatial import Array
 from mp2a.transport.link import Link, make_link
@@ -52,21 +52,21 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
     barrier(comm)
     up = time.time()
     say("chain")
-    chain = Chain.random(n, settings.seed)
-    batch = chain.random_state(settings.samples, settings.seed, body=rank)
+    model = Model.random(n, settings.seed)
+    batch = model.random_state(settings.samples, settings.seed, body=rank)
     network = settings.network
-    formations = {name: DistributedChain(comm, chain, name, network=network) for name in settings.methods}
-    reference, missing = _reference(chain) if rank == 0 else (None, None)
+    formations = {name: DistributedModel(comm, model, name, network=network) for name in settings.methods}
+    reference, missing = _reference(model) if rank == 0 else (None, None)
     pinocchio_fits = comm.bcast(reference is not None)
 
     link = make_link(comm, network)
-    relay = Relay(link, chain)
+    relay = Relay(link, model)
     contenders: dict[str, Callable[..., Array]] = {name: _torque_of(f) for name, f in formations.items()}
-    contenders |= {"relay": relay.rnea, "relay, pipelined": Relay(link, chain, _PIPELINE).rnea}
+    contenders |= {"relay": relay.rnea, "relay, pipelined": Relay(link, model, _PIPELINE).rnea}
     if pinocchio_fits:
-        contenders["centre"] = Centre(link, chain, reference).rnea
-        contenders["centre, tree"] = Centre(link, chain, reference, tree=True).rnea
-        contenders["pinocchio"] = _alone(chain, reference, settings)
+        contenders["centre"] = Centre(link, model, reference).rnea
+        contenders["centre, tree"] = Centre(link, model, reference, tree=True).rnea
+        contenders["pinocchio"] = _alone(model, reference, settings)
     methods = {}
     for name, formation in formations.items():
         say(f"checking {name}")
@@ -74,7 +74,7 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
         methods[name] = {
             **_counted(formation),
             "sent": _sent(comm, formation, settings.samples),
-            "error": _error(comm, chain, settings, reference, torque),
+            "error": _error(comm, model, settings, reference, torque),
         }
     give_back()
     memory = _memory(comm)
@@ -110,22 +110,22 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
     }
 
 
-def _torque_of(formation: DistributedChain) -> Callable[..., Array]:
+def _torque_of(formation: DistributedModel) -> Callable[..., Array]:
     return lambda *state: formation.rnea(*state).torque
 
 
-def _reference(chain: Chain) -> tuple[Reference | None, str | None]:
+def _reference(model: Model) -> tuple[Reference | None, str | None]:
     try:
-        return Reference(chain), None
-    except MissingError as error:
+        return Reference(model), None
+    except DependencyError as error:
         return None, str(error)
 
 
-def _alone(chain: Chain, reference: Reference | None, settings: Settings) -> Callable[..., Array]:
+def _alone(model: Model, reference: Reference | None, settings: Settings) -> Callable[..., Array]:
     """Time pinocchio's serial loop on rank 0, which knows all; the other ranks do nothing."""
     if reference is None:
         return lambda q, v, a: q
-    whole = chain.random_state(settings.samples, settings.seed)
+    whole = model.random_state(settings.samples, settings.seed)
     return lambda q, v, a: reference.torque(*(part[: len(q)] for part in whole))
 
 
@@ -142,26 +142,26 @@ def _relay_alone(comm: MPI.Intracomm, spent: Array) -> float:
 
 
 def _error(
-    comm: MPI.Intracomm, chain: Chain, settings: Settings, reference: Reference | None, torque: Array
+    comm: MPI.Intracomm, model: Model, settings: Settings, reference: Reference | None, torque: Array
 ) -> dict[str, Any] | None:
     """Largest error of all robots' torques over the largest torque, on rank 0."""
     columns = comm.gather(torque[:SINGLES])
     if columns is None:
         return None
-    whole = tuple(part[:SINGLES] for part in chain.random_state(settings.samples, settings.seed))
+    whole = tuple(part[:SINGLES] for part in model.random_state(settings.samples, settings.seed))
     ours = np.concatenate(columns, axis=1)
     against = "pinocchio" if reference is not None else "mp2a serial"
-    theirs = reference.torque(*whole) if reference is not None else rnea(chain, *whole)
+    theirs = reference.torque(*whole) if reference is not None else rnea(model, *whole)
     return {"relative": float(np.abs(ours - theirs).max() / np.abs(theirs).max()), "against": against}
 
 
-def _counted(formation: DistributedChain) -> dict[str, int]:
+def _counted(formation: DistributedModel) -> dict[str, int]:
     """Count rounds, messages and bytes of a sample as the schedule says."""
     count = formation.schedule.count(METHODS[formation.method].doubles)
     return {"rounds": count.rounds, "messages": count.total, "bytes": 8 * count.doubles}
 
 
-def _sent(comm: MPI.Intracomm, formation: DistributedChain, samples: int) -> dict[str, int] | None:
+def _sent(comm: MPI.Intracomm, formation: DistributedModel, samples: int) -> dict[str, int] | None:
     """Messages of a call and bytes a sample that all ranks have sent in the one call so far, on rank 0."""
     transport = formation.transport
     mine = np.array([sum(transport.messages.values()), transport.doubles])
@@ -190,14 +190,14 @@ def _memory(comm: MPI.Intracomm) -> dict[str, Any] | None:
     }
 
 
-def _network(link: Link, settings: Settings, measured: dict[str, dict[str, Timing]]) -> model.Network:
+def _network(link: Link, settings: Settings, measured: dict[str, dict[str, Timing]]) -> cost_model.Network:
     """Constants of eq. 11-13: as given, or measured between ranks 0 and 1 and from the relay."""
     small, large = (_ping_pong(link, size) for size in (6, 84_000))
     latency = settings.latency if settings.latency is not None else small
     speed = settings.speed if settings.speed is not None else 64 * 84_000 / max(large - small, 1e-9)
     relay = statistics.median(measured["single"]["relay"].wall)
     serial = settings.serial_time if settings.serial_time is not None else relay * settings.samples
-    return model.Network(serial, latency, speed, settings.bits)
+    return cost_model.Network(serial, latency, speed, settings.bits)
 
 
 def _ping_pong(link: Link, doubles: int) -> float:
@@ -210,14 +210,17 @@ def _ping_pong(link: Link, doubles: int) -> float:
     return statistics.median(times) if times else 0.0
 
 
-def _modelled(n: int, settings: Settings, network: model.Network) -> dict[str, dict[str, float]]:
+def _modelled(n: int, settings: Settings, network: cost_model.Network) -> dict[str, dict[str, float]]:
     """Seconds a sample that eq. 13 gives with the true counts and with Table I's, and a relay's messages."""
     samples = settings.samples
     out = {}
-    for label, counts in (("kogge-stone", model.true_messages), ("kogge-stone, table I", model.table_one_messages)):
-        seconds = model.total_time(n, samples, counts(n), network) / samples
+    for label, counts in (
+        ("kogge-stone", cost_model.true_messages),
+        ("kogge-stone, table I", cost_model.table_one_messages),
+    ):
+        seconds = cost_model.total_time(n, samples, counts(n), network) / samples
         out[label] = {"batch": seconds, "single": seconds}
-    hops = network.serial_time if settings.serial_time is not None else model.relay_time(n, samples, network)
+    hops = network.serial_time if settings.serial_time is not None else cost_model.relay_time(n, samples, network)
     out["serial"] = {"batch": hops / samples, "single": hops / samples}
     return out
 

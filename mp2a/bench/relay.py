@@ -4,11 +4,12 @@ import time
 
 import numpy as np
 
-from mp2a.chain import Chain
-from mp2a.leaf import State, check_state, joint_motion, joint_torque
+from mp2a.joint_kinematics import joint_motion, joint_torque
+from mp2a.model import Model
 from mp2a.spatial import GRAVITY, Array, apply, cross, inertia_at_origin, motion_operator, skew, transpose
 from mp2a.transport.link import Link
 from mp2a.transport.wait import wait
+from mp2a.validation import JointState, check_state
 
 _MOTION, _FORCE = 1, 2
 
@@ -26,7 +27,7 @@ class Relay:
     ----------
     link
         One rank a robot, in the order of the chain.
-    chain
+    model
         The whole chain.
     blocks
         Number of blocks the samples of a call are cut into, at most one a sample.
@@ -40,11 +41,11 @@ class Relay:
         Samples of all calls so far.
     """
 
-    def __init__(self, link: Link, chain: Chain, blocks: int = 1) -> None:
+    def __init__(self, link: Link, model: Model, blocks: int = 1) -> None:
         self._link = link
         self._rank, self._last = link.comm.Get_rank(), link.comm.Get_size() - 1
         self._blocks = blocks
-        self.body = chain.body(self._rank)
+        self.body = model.body(self._rank)
         self._inertia = _spatial_inertia(self.body)
         self.alone = self.hopping = 0.0
         self.samples = 0
@@ -89,7 +90,7 @@ class Relay:
         self.samples += state.samples
         return torque
 
-    def _prepare(self, state: State) -> tuple[Array, Array, Array]:
+    def _prepare(self, state: JointState) -> tuple[Array, Array, Array]:
         """Map of a hop ``(T, 12, 12)``, what it adds ``(T, 12)``, and the motion operator ``(T, 6, 6)``."""
         joint = joint_motion(self.body, state)
         relative = joint.velocity[0]
@@ -110,7 +111,7 @@ class Relay:
         return out
 
 
-def _spatial_inertia(body: Chain) -> Array:
+def _spatial_inertia(body: Model) -> Array:
     """6×6 inertia about the origin of a chain's first body, ``[angular; linear]``; symmetric."""
     mass, com = body.masses[0], body.coms[0]
     lever = mass * skew(com)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from mp2a.bench.costs import Costs
 from mp2a.cores import available_memory
-from mp2a.exceptions import InputError, MissingError
+from mp2a.exceptions import DependencyError, InputError
 from mp2a.schedule import Round, Schedule
 
 Ranks = NDArray[np.intp]
@@ -247,7 +247,7 @@ def simulate(network: Network, n: int, program: Iterable[Phase], limit: float | 
 
     Raises
     ------
-    MissingError
+    DependencyError
         Without SimGrid, or if the simulator ends without a result, as it does when it runs out of memory.
     TimeoutError
         If the simulator takes longer.
@@ -255,7 +255,7 @@ def simulate(network: Network, n: int, program: Iterable[Phase], limit: float | 
     smpirun = find()
     need, free = n * _RANK_BYTES, available_memory()
     if free is not None and need > free:
-        raise MissingError(f"simulating {n} ranks takes {need / 1e9:.1f} GB and {free / 1e9:.1f} GB are free")
+        raise DependencyError(f"simulating {n} ranks takes {need / 1e9:.1f} GB and {free / 1e9:.1f} GB are free")
     with tempfile.TemporaryDirectory(prefix="mp2a-") as name:
         folder = Path(name)
         with (folder / "trace").open("w", encoding="ascii") as file:
@@ -270,7 +270,7 @@ def find() -> str:
     """Where SimGrid's launcher is."""
     found = shutil.which("smpirun")
     if found is None:
-        raise MissingError(
+        raise DependencyError(
             "smpirun: not found; it belongs to SimGrid (tested with 3.32), which simulates networks; "
             "on Debian and Ubuntu: apt-get install libsimgrid-dev"
         )
@@ -296,5 +296,5 @@ def _run(smpirun: str, n: int, folder: Path, limit: float | None) -> float:
     found = _TIME.search(output)
     if process.returncode or not found:
         last = output.strip().splitlines()[-1:] or ["no output"]
-        raise MissingError(f"smpirun: exit status {process.returncode} with {n} ranks ({last[0]})")
+        raise DependencyError(f"smpirun: exit status {process.returncode} with {n} ranks ({last[0]})")
     return float(found[1])

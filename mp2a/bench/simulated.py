@@ -11,7 +11,7 @@ from typing import Any
 from mp2a.bench import costs
 from mp2a.bench.results import FORMAT, machine, write
 from mp2a.bench.simgrid import NETWORKS, NEUTRAL, Phase, find, follow, gather_and_scatter, simulate
-from mp2a.exceptions import InputError, MissingError
+from mp2a.exceptions import DependencyError, InputError
 from mp2a.methods import METHODS
 from mp2a.schedule import FORCE, MOTION, SCHEDULES
 
@@ -104,7 +104,7 @@ def sweep(
             program = contender(name, n, count, held["costs"][str(count)])
             simulated = simulate(NETWORKS[network], n, program, limit)
             held["points"].append({**where, "seconds": simulated, "took": round(time.monotonic() - began, 2)})
-        except (TimeoutError, MissingError) as error:
+        except (TimeoutError, DependencyError) as error:
             held["left_out"].append({**where, "why": str(error)})
         write(out, held)
     return held

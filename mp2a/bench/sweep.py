@@ -15,7 +15,7 @@ from mp2a import kernels, launch
 from mp2a.bench import results
 from mp2a.bench.settings import ERROR, PROGRESS, STARTED, Settings
 from mp2a.cores import available_memory
-from mp2a.exceptions import MissingError
+from mp2a.exceptions import DependencyError
 
 _PRELOAD = ("mp2a.cli", "mp2a.bench.rank", "mp2a.bench.timeline")
 """What ranks run, imported once for all of them where they share cores."""
@@ -51,7 +51,7 @@ def sweep(
 
     Raises
     ------
-    MissingError
+    DependencyError
         If there is no mpirun, or the ranks of a run failed; runs before it are kept.
     """
     runs = []
@@ -90,7 +90,7 @@ def child(arguments: Sequence[str], n: int, say: Callable[[str], None]) -> dict[
             launch.end(process)
         if code or not out.exists():
             said = [line.removeprefix(ERROR) for line in last if line.startswith(ERROR)]
-            raise MissingError("\n".join(said or [f"mpirun with {n} ranks ended with status {code}:", *last]))
+            raise DependencyError("\n".join(said or [f"mpirun with {n} ranks ended with status {code}:", *last]))
         loaded: dict[str, Any] = json.loads(out.read_text(encoding="utf-8"))
         return loaded
 

@@ -12,9 +12,9 @@ import numpy as np
 from mpi4py import MPI
 
 from mp2a.bench.timing import barrier
-from mp2a.chain import Chain
-from mp2a.distributed import DistributedChain
+from mp2a.distributed import DistributedModel
 from mp2a.methods import METHODS
+from mp2a.model import Model
 from mp2a.schedule import Schedule
 from mp2a.transport.trace import Event
 
@@ -25,9 +25,9 @@ _ALIGN = 20
 def record(samples: int, seed: int, method: str) -> dict[str, Any] | None:
     """Trace one call on the world communicator; collective. The trace on rank 0, None elsewhere."""
     comm = MPI.COMM_WORLD
-    chain = Chain.random(comm.Get_size(), seed)
-    state = chain.random_state(samples, seed, body=comm.Get_rank())
-    with DistributedChain(comm, chain, method, trace=True) as formation:
+    model = Model.random(comm.Get_size(), seed)
+    state = model.random_state(samples, seed, body=comm.Get_rank())
+    with DistributedModel(comm, model, method, trace=True) as formation:
         assert formation.trace is not None
         for _ in range(_WARM_UP):
             formation.rnea(*state)
@@ -43,7 +43,7 @@ def record(samples: int, seed: int, method: str) -> dict[str, Any] | None:
         return {
             "traceEvents": trace_events(formation.schedule, METHODS[formation.method].doubles, events, samples),
             "displayTimeUnit": "ns",
-            "mp2a": {"n": len(chain), "samples": samples, "method": formation.method},
+            "mp2a": {"n": len(model), "samples": samples, "method": formation.method},
         }
 
 

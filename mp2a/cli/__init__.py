@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 from mp2a import __version__
 from mp2a.bench.settings import ERROR
-from mp2a.cli import bench, check, drive, march, model, plot, schedule, trace
-from mp2a.exceptions import InputError, MissingError
+from mp2a.cli import bench, check, cost, drive, march, plot, schedule, trace
+from mp2a.exceptions import DependencyError, InputError
 
-_SUBCOMMANDS = (bench, check, plot, model, schedule, trace, march, drive)
+_SUBCOMMANDS = (bench, check, plot, cost, schedule, trace, march, drive)
 _INTERRUPTED = 130
 
 
@@ -19,7 +19,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         return options.run(options) or 0
-    except (InputError, MissingError) as error:
+    except (InputError, DependencyError) as error:
         return _fail(str(error))
     except KeyboardInterrupt:
         print("interrupted; what was measured is kept", file=sys.stderr)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mp2a.cli.options import command, positive_number, under_mpirun
-from mp2a.exceptions import InputError, MissingError
+from mp2a.exceptions import DependencyError, InputError
 from mp2a.robots.adapters import ADAPTERS, REAL
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def _drive(options: argparse.Namespace) -> int:
         return _drive_as(options, None)
     try:
         return _drive_as(options, comm)
-    except (InputError, MissingError) as error:
+    except (InputError, DependencyError) as error:
         # Often the same on all ranks; one that fails alone must not leave the others waiting.
         print(f"mp2a: rank {comm.rank}: {error}", file=sys.stderr, flush=True)
         comm.Abort(2)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mp2a.cli.options import WIDTH, as_rank, command, positive, positive_number, under_mpirun, words
 from mp2a.cli.stage import Plan, danced, marched
-from mp2a.exceptions import InputError, MissingError
+from mp2a.exceptions import DependencyError, InputError
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -192,7 +192,7 @@ def _keep(options: argparse.Namespace, recorder: "Recorder", parts: "list[_Part]
     for name in options.write:
         try:
             written.append(_WRITERS[name](recording, options))
-        except MissingError as error:
+        except DependencyError as error:
             if not options.quiet:
                 print(f"no {name}: {error}")
     records = [part.record for part in parts if part.record is not None]

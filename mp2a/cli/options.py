@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from mp2a.bench.settings import PROGRESS
-from mp2a.exceptions import InputError, MissingError
+from mp2a.exceptions import DependencyError, InputError
 from mp2a.network import EmulatedNetwork, parse
 
 WIDTH = 136
@@ -43,7 +43,7 @@ def as_rank(run: Callable[[argparse.Namespace], None], options: argparse.Namespa
     settle()
     try:
         run(options)
-    except (InputError, MissingError):
+    except (InputError, DependencyError):
         raise  # the same on every rank
     except BaseException:
         traceback.print_exc()

@@ -12,11 +12,11 @@ from mp2a.exceptions import InputError
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from mp2a.chain import Chain
     from mp2a.formation import Formation, Path
     from mp2a.formation.choreography.scenario import Scenario
     from mp2a.formation.exchange import Exchange
     from mp2a.formation.robot_models import RobotModel
+    from mp2a.model import Model
     from mp2a.simulator.dance import Dance
     from mp2a.simulator.marchers import Marchers
     from mp2a.spatial import Array
@@ -69,7 +69,7 @@ class Marched(NamedTuple):
         from mp2a.formation.march import March
         from mp2a.simulator.marchers import Marchers
 
-        with _exchange(comm, self.formation.chain, self.method) as exchange:
+        with _exchange(comm, self.formation.model, self.method) as exchange:
             yield Marchers(March(self.formation, self.path, exchange), self.models[0])
 
 
@@ -77,17 +77,17 @@ Plan = Danced | Marched
 
 
 @contextmanager
-def _exchange(comm: "MPI.Intracomm | None", chain: "Chain", method: str) -> "Iterator[Exchange]":
+def _exchange(comm: "MPI.Intracomm | None", model: "Model", method: str) -> "Iterator[Exchange]":
     """All robots here, or one a rank."""
     if comm is None:
         from mp2a.formation.exchange import OneProcess
 
-        yield OneProcess(chain, method)
+        yield OneProcess(model, method)
         return
-    from mp2a.distributed import DistributedChain
+    from mp2a.distributed import DistributedModel
     from mp2a.formation.ranks import OverRanks
 
-    with DistributedChain(comm, chain, method) as ranks:
+    with DistributedModel(comm, model, method) as ranks:
         yield OverRanks(ranks)
 
 

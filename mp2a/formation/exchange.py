@@ -8,11 +8,11 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.chain import Chain
 from mp2a.dynamics import placements, rnea
 from mp2a.exceptions import InputError
 from mp2a.formation.plane import Motion, coordinates
 from mp2a.methods.result import InverseDynamics
+from mp2a.model import Model
 from mp2a.spatial import Array
 
 
@@ -42,7 +42,7 @@ class Exchange(Protocol):
     robots: NDArray[np.intp]
     """Numbers of the robots of this process, ``(m,)``."""
 
-    def hand_on(self, values: Array) -> Array:
+    def send_to_children(self, values: Array) -> Array:
         """Tell each robot's values ``(m, k)`` to those that hang on it; what own parents told, the leader's own 0."""
         ...
 
@@ -71,20 +71,20 @@ class OneProcess:
 
     Parameters
     ----------
-    chain
+    model
         Planar joints.
     method
         One of `mp2a.methods.METHODS` or "serial".
     """
 
-    def __init__(self, chain: Chain, method: str = "sweep") -> None:
-        self.chain = chain
+    def __init__(self, model: Model, method: str = "sweep") -> None:
+        self.model = model
         self.method = method
-        self.robots = np.arange(len(chain))
+        self.robots = np.arange(len(model))
 
-    def hand_on(self, values: Array) -> Array:
+    def send_to_children(self, values: Array) -> Array:
         """Look the parents' values up."""
-        return np.where(self.chain.parents[:, None] < 0, 0.0, values[self.chain.parents])
+        return np.where(self.model.parents[:, None] < 0, 0.0, values[self.model.parents])
 
     def run(self, joints: Motion, external: Array, wrong: InputError | None) -> Bodies:
         """Run the scan with all robots in this process."""
@@ -93,9 +93,9 @@ class OneProcess:
         q, v, a, forces = state(joints, external)
         flat = (len(q), -1)
         q = q.reshape(flat)
-        done = rnea(self.chain, q, v.reshape(flat), a.reshape(flat), forces, method=self.method, bodies=True)
+        done = rnea(self.model, q, v.reshape(flat), a.reshape(flat), forces, method=self.method, bodies=True)
         if done.rotation is None or done.position is None:
-            return bodies(done, *placements(self.chain, q))
+            return bodies(done, *placements(self.model, q))
         return bodies(done, done.rotation, done.position)
 
 

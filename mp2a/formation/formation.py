@@ -6,11 +6,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mp2a.chain import Chain
 from mp2a.checks import array
 from mp2a.exceptions import InputError
 from mp2a.formation.shapes import Layout
 from mp2a.formation.shapes import layout as named
+from mp2a.model import Model
 from mp2a.spatial import Array
 
 
@@ -85,12 +85,12 @@ class Formation:
         return len(self.masses)
 
     @cached_property
-    def chain(self) -> Chain:
+    def model(self) -> Model:
         """The multibody: planar joints, each body's frame at its robot's centre of mass, x ahead, z up."""
         n = len(self)
         inertias = np.zeros((n, 3, 3))
         inertias[:, 2, 2] = self.inertias
-        return Chain(
+        return Model(
             parents=self.layout.parents,
             joints=("planar",) * n,
             axes=np.zeros((n, 3)),

@@ -144,7 +144,7 @@ class March:
             raise InputError(f"tick: got {tick!r}, expected a positive number of seconds")
         self.formation = formation
         self.path = path
-        self.exchange = exchange or OneProcess(formation.chain)
+        self.exchange = exchange or OneProcess(formation.model)
         self.springs = springs or Springs()
         self.law = law or ObstacleLaw()
         self.tick = float(tick)
@@ -209,7 +209,7 @@ class March:
         own = beyond(target, Motion(*springs.joint(state.displacement)))
         joints = own
         if self.formation.layout.follows:
-            told = self.exchange.hand_on(np.concatenate(own, axis=-1))
+            told = self.exchange.send_to_children(np.concatenate(own, axis=-1))
             joints = between(Motion(told[:, :3], told[:, 3:6], told[:, 6:]), own)
         external = np.concatenate((push, np.zeros((m, 1))), axis=-1)
         found = scan(self.exchange, joints, external, wrong)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mp2a.distributed import DistributedChain
+from mp2a.distributed import DistributedModel
 from mp2a.exceptions import InputError
 from mp2a.formation.exchange import Bodies, bodies, state
 from mp2a.formation.plane import Motion
@@ -19,13 +19,13 @@ class OverRanks:
         The formation's chain over the communicator.
     """
 
-    def __init__(self, ranks: DistributedChain) -> None:
+    def __init__(self, ranks: DistributedModel) -> None:
         self.ranks = ranks
         self.robots = np.array([ranks.transport.first])
 
-    def hand_on(self, values: Array) -> Array:
+    def send_to_children(self, values: Array) -> Array:
         """Send the values to the ranks of those that hang on this one, and receive from the parent's."""
-        told = self.ranks.hand_on(values[0])
+        told = self.ranks.send_to_children(values[0])
         return np.zeros_like(values) if told is None else told[None]
 
     def run(self, joints: Motion, external: Array, wrong: InputError | None) -> Bodies:

@@ -117,7 +117,7 @@ def _read_pointer(array: Array) -> int | None:
 
 
 def compose(upper: Array, lower: Array, out: Array | None = None) -> Array:
-    """Put a path above another one; see `mp2a.segments.motion.compose`.
+    """Put a path above another one; see `mp2a.algebra.motion.compose`.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def compose(upper: Array, lower: Array, out: Array | None = None) -> Array:
 
 
 def move(segment: Array, path: Array, out: Array | None = None) -> Array:
-    """Carry segments across paths, to the bodies at the paths' upper ends; see `mp2a.segments.load.move`.
+    """Carry segments across paths, to the bodies at the paths' upper ends; see `mp2a.algebra.inertia.transform`.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def move(segment: Array, path: Array, out: Array | None = None) -> Array:
 
 
 def force(segment: Array, velocity: Array, acceleration: Array, out: Array | None = None) -> Array:
-    """Force that segments take for motions of their bodies; see `mp2a.segments.load.force`.
+    """Force that segments take for motions of their bodies; see `mp2a.algebra.inertia.force`.
 
     Parameters
     ----------
@@ -271,12 +271,12 @@ def _general(name: str, out: Array | None, *inputs: Array) -> Array:
 def numpy_version(name: str) -> Callable[..., Array]:
     """Return the function that a kernel is the compiled form of."""
     # Not at the top, so that the modules of segments may import this one.
-    from mp2a.segments import load, motion
+    from mp2a.algebra import inertia, motion
 
     versions: dict[str, Callable[..., Array]] = {
         "compose": motion.compose,
-        "move": load.move,
-        "force": load.force,
+        "move": inertia.transform,
+        "force": inertia.force,
         "carry": _carry,
     }
     return versions[name]

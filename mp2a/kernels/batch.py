@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mp2a import cores, kernels
-from mp2a.chain import Chain
 from mp2a.kernels.kept import Kept
 from mp2a.kernels.library import Run
 from mp2a.kernels.plan import FORMATS, Format, Job, Plan, make_plan
 from mp2a.kernels.threads import CREW
-from mp2a.leaf import State
+from mp2a.model import Model
 from mp2a.spatial import Array
+from mp2a.validation import JointState
 
 _WORTH_A_THREAD = 5_000
 """Bodies times samples from which on another thread gains more than waking it takes."""
@@ -43,16 +43,16 @@ class Segment(NamedTuple):
     """What the bodies of a chain amount to."""
 
     path: Array
-    """From what the chain hangs on to the last body, ``(T, 24)``, as `mp2a.segments.motion` has it."""
+    """From what the chain hangs on to the last body, ``(T, 24)``, as `mp2a.algebra.motion` has it."""
     load: Array | None
-    """About what the chain hangs on, ``(T, 28)``, as `mp2a.segments.load` has it, if asked for."""
+    """About what the chain hangs on, ``(T, 28)``, as `mp2a.algebra.inertia` has it, if asked for."""
     sound: bool
     """As in `Result`, where the numbers can be told from a path."""
 
 
 def recursion(
-    chain: Chain,
-    state: State,
+    model: Model,
+    state: JointState,
     base: Array,
     tip: Array | None = None,
     *,
@@ -66,7 +66,7 @@ def recursion(
 
     Parameters
     ----------
-    chain
+    model
         n bodies, a chain or a tree.
     state
         Input of the right shapes; the kernel notices by itself if its numbers are not what they should be.
@@ -98,27 +98,27 @@ def recursion(
     samples, given = state.samples, _input(state, form)
     torque = out
     if torque is None or not _fits(torque, given.columnwise) or any(np.may_share_memory(torque, x) for x in given.held):
-        torque = np.empty((samples, chain.nv), form.dtype, order="F" if given.columnwise else "C")
+        torque = np.empty((samples, model.nv), form.dtype, order="F" if given.columnwise else "C")
     base = np.ascontiguousarray(base, form.dtype)
     tip = np.zeros(6, form.dtype) if tip is None else np.ascontiguousarray(tip, form.dtype)
     padded = -(-samples // form.lanes) * form.lanes
     output = rows
     if output is None or not output.flags.c_contiguous:
-        output = np.empty((samples, len(chain), 18) if bodies else 0, form.dtype)
+        output = np.empty((samples, len(model), 18) if bodies else 0, form.dtype)
     root = np.empty((6, padded), form.dtype)
     at = kernels.pointer
     ends = at(base), 12 * (base.ndim - 1), at(tip), 6 * (tip.ndim - 1)
     results = at(torque), _stride(torque, given.columnwise), at(output), padded, at(root), 0
-    sound = _run(run, chain, given, ends, results, form, threads, bodies=bodies)
+    sound = _run(run, model, given, ends, results, form, threads, bodies=bodies)
     return Result(torque, output if bodies else None, root[:, :samples], sound)
 
 
-def segment(chain: Chain, state: State, *, load: bool, threads: int | None = None) -> Segment | None:
+def segment(model: Model, state: JointState, *, load: bool, threads: int | None = None) -> Segment | None:
     """Put the bodies of a serial chain together; see `mp2a.kernels.reach`.
 
     Parameters
     ----------
-    chain, state, threads
+    model, state, threads
         As `recursion` takes them.
     load
         Whether the load is asked for, not the path alone.
@@ -137,7 +137,7 @@ def segment(chain: Chain, state: State, *, load: bool, threads: int | None = Non
     at = kernels.pointer
     # The kernel has no torque to write, but looks where it would be.
     results = at(given.held[0]), 0, at(path), padded, 0 if below is None else at(below), 0
-    sound = _run(run, chain, given, (0, 0, 0, 0), results, form, threads, bodies=False)
+    sound = _run(run, model, given, (0, 0, 0, 0), results, form, threads, bodies=False)
     whole, under = (None if x is None else np.ascontiguousarray(x[:, :samples].T) for x in (path, below))
     assert whole is not None
     return Segment(whole, under, sound)
@@ -153,7 +153,7 @@ class _Input(NamedTuple):
     """Arrays that have to live as long as the job: q, v, a, and the external wrenches if there are any."""
 
 
-def _input(state: State, form: Format) -> _Input:
+def _input(state: JointState, form: Format) -> _Input:
     columnwise = state.samples >= form.lanes and all(_fits(x, True) for x in (state.q, state.v, state.a))
     held = tuple(_laid_out(x, form.dtype, columnwise) for x in (state.q, state.v, state.a))
     places: tuple[int, ...] = (0, 0, 0)
@@ -165,18 +165,18 @@ def _input(state: State, form: Format) -> _Input:
 
 
 def _run(
-    run: Run, chain: Chain, given: _Input, ends: tuple[int, ...], results: tuple[int, ...], form: Format,
+    run: Run, model: Model, given: _Input, ends: tuple[int, ...], results: tuple[int, ...], form: Format,
     threads: int | None, *, bodies: bool,
 ) -> bool:  # fmt: skip
     """Run a kernel in some threads; tells whether all samples are sound."""
     samples = len(given.held[0])
-    chunks, work_there_is = -(-samples // form.lanes), len(chain) * samples
+    chunks, work_there_is = -(-samples // form.lanes), len(model) * samples
     threads = _threads(threads, work_there_is, chunks)
     pieces = min(chunks, threads * max(_FEWEST_PIECES, min(_PIECES, work_there_is // (threads * _WORTH_A_THREAD))))
     at = kernels.pointer
-    plan = _PLANS.get(chain, (form.name, bodies), lambda: make_plan(chain, form, bodies=bodies))
+    plan = _PLANS.get(model, (form.name, bodies), lambda: make_plan(model, form, bodies=bodies))
     tables = at(plan.hot), at(plan.frames), at(plan.topology)
-    sizes = len(chain), samples, chain.nq, chain.nv, given.columnwise
+    sizes = len(model), samples, model.nq, model.nv, given.columnwise
     job: NDArray[np.int64] = np.array(Job._make((*sizes, *tables, *ends, *given.numbers, *results)), dtype=np.int64)
     return CREW.run(run, job, chunks, pieces, np.empty((threads, plan.scratch), form.dtype))
 

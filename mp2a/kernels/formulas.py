@@ -1,4 +1,4 @@
-"""Formulas of segments; what they mean stands in `mp2a.segments.motion` and `mp2a.segments.load`."""
+"""Formulas of segments; what they mean stands in `mp2a.algebra.motion` and `mp2a.algebra.inertia`."""
 
 from mp2a.kernels.algebra import (
     Numbers,

@@ -4,7 +4,7 @@ import weakref
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar
 
-from mp2a.chain import Chain
+from mp2a.model import Model
 
 Made = TypeVar("Made")
 
@@ -13,13 +13,13 @@ class Kept(Generic[Made]):
     """Things made of chains, by the chain itself (not by what is in it, which takes long to compare) and a key."""
 
     def __init__(self) -> None:
-        self._held: dict[tuple[int, Hashable], tuple[weakref.ref[Chain], Made]] = {}
+        self._held: dict[tuple[int, Hashable], tuple[weakref.ref[Model], Made]] = {}
 
-    def get(self, chain: Chain, key: Hashable, make: Callable[[], Made]) -> Made:
+    def get(self, model: Model, key: Hashable, make: Callable[[], Made]) -> Made:
         """Return what was made of a chain, or make it."""
-        place = id(chain), key
+        place = id(model), key
         known = self._held.get(place)
-        if known is None or known[0]() is not chain:
-            known = weakref.ref(chain, lambda _: self._held.pop(place, None)), make()
+        if known is None or known[0]() is not model:
+            known = weakref.ref(model, lambda _: self._held.pop(place, None)), make()
             self._held[place] = known
         return known[1]

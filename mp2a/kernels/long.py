@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mp2a import cores, kernels
-from mp2a.chain import Chain
 from mp2a.kernels.batch import Result, Segment
 from mp2a.kernels.kept import Kept
 from mp2a.kernels.library import Run
 from mp2a.kernels.plan import FORMATS, Job, lay_out_screws, make_plan
 from mp2a.kernels.threads import CREW
-from mp2a.leaf import State
+from mp2a.model import Model
 from mp2a.spatial import Array, cross
+from mp2a.validation import JointState
 
 WORTH_IT = 8000
 """Bodies from which on the blocks gain more than the scans over them take."""
@@ -65,21 +65,21 @@ class Cut(NamedTuple):
 _CUTS: Kept[Cut] = Kept()
 
 
-def fits(chain: Chain, samples: int) -> bool:
+def fits(model: Model, samples: int) -> bool:
     """Tell whether a chain is cut: one sample, long, without branches, and one degree of freedom a joint."""
-    if samples != 1 or len(chain) < WORTH_IT or not chain.is_serial:
+    if samples != 1 or len(model) < WORTH_IT or not model.is_serial:
         return False
-    return all(group.joint.name in _SINGLE_DEGREE for group in chain.groups)
+    return all(group.joint.name in _SINGLE_DEGREE for group in model.groups)
 
 
 def recursion(
-    chain: Chain, state: State, base: Array, tip: Array | None = None, *, bodies: bool, threads: int | None
+    model: Model, state: JointState, base: Array, tip: Array | None = None, *, bodies: bool, threads: int | None
 ) -> Result | None:
     """Inverse dynamics of one sample of a chain that `fits`; as `mp2a.kernels.batch.recursion`."""
     reach, run = kernels.compiled("reach_lanes"), kernels.compiled("rnea_lanes" + ("_bodies" if bodies else ""))
     if reach is None or run is None:
         return None
-    work = _prepare(chain, state, threads, bodies=bodies)
+    work = _prepare(model, state, threads, bodies=bodies)
     groups, length = work.cut.groups, work.cut.length
     paths, root = np.empty((groups, 24, _LANES)), np.empty((groups, 6, _LANES))
     output = np.empty((groups, _LANES * length, 18) if bodies else (groups, 0))
@@ -92,19 +92,19 @@ def recursion(
     work.tips[...] = passed[1:].reshape(groups, _LANES, 6)
     sound &= _through(work, run, output, root, again=1)
     work.cut.spare.append(work.scratch)
-    n, rows = len(chain), None
+    n, rows = len(model), None
     if bodies:
         rows = output.reshape(1, -1, 18)[:, :n]
     torque = work.columns[3].reshape(-1)
     return Result(torque[None, :n], rows, passed[0][:, None], sound)
 
 
-def segment(chain: Chain, state: State, *, load: bool, threads: int | None = None) -> Segment | None:
+def segment(model: Model, state: JointState, *, load: bool, threads: int | None = None) -> Segment | None:
     """Put the bodies of a chain that `fits` together; as `mp2a.kernels.batch.segment`."""
     reach = kernels.compiled("reach_lanes")
     if reach is None:
         return None
-    work = _prepare(chain, state, threads, bodies=False)
+    work = _prepare(model, state, threads, bodies=False)
     paths = np.empty((work.cut.groups, 24, _LANES))
     loads = np.empty((work.cut.groups, 28, _LANES)) if load else None
     sound = _through(work, reach, paths, loads) and work.sound
@@ -139,13 +139,13 @@ class _Work(NamedTuple):
     sound: bool
 
 
-def _prepare(chain: Chain, state: State, threads: int | None, *, bodies: bool) -> _Work:
+def _prepare(model: Model, state: JointState, threads: int | None, *, bodies: bool) -> _Work:
     if threads is None:
-        threads = max(1, min(cores.share(), len(chain) // _WORTH_A_THREAD))
-    groups = max(threads, -(-len(chain) // (_LANES * _LONGEST)))
-    cut = _CUTS.get(chain, (groups, bodies), lambda: _make_cut(chain, groups, bodies))
+        threads = max(1, min(cores.share(), len(model) // _WORTH_A_THREAD))
+    groups = max(threads, -(-len(model) // (_LANES * _LONGEST)))
+    cut = _CUTS.get(model, (groups, bodies), lambda: _make_cut(model, groups, bodies))
     places = groups * _LANES * cut.length
-    angles, sound = _angles(chain, state.q[0])
+    angles, sound = _angles(model, state.q[0])
     columns = *(_filled(x, places) for x in (angles, state.v[0], state.a[0])), np.empty(places)
     external = None if state.external is None else _filled(np.ascontiguousarray(state.external[:, 0]), places)
     scratch = cut.spare.pop() if cut.spare else np.empty((groups, cut.scratch))
@@ -176,12 +176,12 @@ def _through(work: _Work, kernel: Run, output: Array, root: Array | None, again:
     return CREW.run_each(kernel, jobs, work.scratch, min(work.threads, cut.groups))
 
 
-def _angles(chain: Chain, q: Array) -> tuple[Array, bool]:
+def _angles(model: Model, q: Array) -> tuple[Array, bool]:
     """One coordinate a body, and whether cosines and sines are of length 1."""
-    if chain.nq == len(chain):
+    if model.nq == len(model):
         return q, True
-    angles, sound = np.empty(len(chain)), True
-    for group in chain.groups:
+    angles, sound = np.empty(len(model)), True
+    for group in model.groups:
         numbers = q[group.q_columns]
         if group.joint.nq == 1:
             angles[group.bodies] = numbers[:, 0]
@@ -220,8 +220,8 @@ def _passed(paths: Array, own: Array, last: Array) -> Array:
     return passed
 
 
-def _make_cut(chain: Chain, groups: int, bodies: bool) -> Cut:
-    n, whole = len(chain), make_plan(chain, _DOUBLE, bodies=bodies)
+def _make_cut(model: Model, groups: int, bodies: bool) -> Cut:
+    n, whole = len(model), make_plan(model, _DOUBLE, bodies=bodies)
     length = -(-n // (groups * _LANES))
     tables: list[Array] = []
     for table, ones in ((whole.hot, (0,)), (whole.frames, (0, 4, 8, 18, 20))):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.chain import Chain
+from mp2a.model import Model
 from mp2a.spatial import Array, transpose
 
 REVOLUTE, CONTINUOUS, PRISMATIC, SCREW, PLANAR, SPHERICAL, FREE = range(7)
@@ -143,18 +143,18 @@ class Frames(NamedTuple):
     """``(n,)`` rad each."""
 
 
-def choose_frames(chain: Chain) -> Frames:
+def choose_frames(model: Model) -> Frames:
     """Choose the frames of a chain's bodies."""
-    n = len(chain)
-    kinds = np.array([_KINDS[joint] for joint in chain.joints])
+    n = len(model)
+    kinds = np.array([_KINDS[joint] for joint in model.joints])
     single = kinds < PLANAR
     upright = np.tile(np.eye(3), (n, 1, 1))
-    upright[single] = _upright(chain.axes[single])
-    parents = chain.parents
+    upright[single] = _upright(model.axes[single])
+    parents = model.parents
     rooted = parents < 0
     above = np.where(rooted, 0, parents)
     outer = np.where(rooted[:, None, None], np.eye(3), upright[above])
-    between = transpose(outer) @ chain.rotations @ upright
+    between = transpose(outer) @ model.rotations @ upright
     first, about_x, last = _turns(between)
     # The parent's own turn about its axis, given to its first child with one degree of freedom.
     own = np.zeros(n)
@@ -165,21 +165,21 @@ def choose_frames(chain: Chain) -> Frames:
     angle = np.where(single, last + own, 0.0)
     outer = np.where(rooted[:, None, None], np.eye(3), user[above])
     inner = np.where(single[:, None, None], _about_z(fork), np.eye(3))
-    places = np.einsum("nji,nkj,nk->ni", inner, outer, chain.translations)
-    general = np.where(single[:, None, None], np.eye(3), transpose(outer) @ chain.rotations)
+    places = np.einsum("nji,nkj,nk->ni", inner, outer, model.translations)
+    general = np.where(single[:, None, None], np.eye(3), transpose(outer) @ model.rotations)
     return Frames(kinds, user, general, places, np.where(single, about_x, 0.0), angle, fork)
 
 
-def make_plan(chain: Chain, format_: Format, *, bodies: bool) -> Plan:
+def make_plan(model: Model, format_: Format, *, bodies: bool) -> Plan:
     """Make the tables of a chain."""
-    frames = choose_frames(chain)
-    n, lanes = len(chain), format_.lanes
+    frames = choose_frames(model)
+    n, lanes = len(model), format_.lanes
     hot = np.empty((n, HOT))
     hot[:, 0], hot[:, 1] = np.cos(frames.about_x), np.sin(frames.about_x)
     hot[:, 2:5] = frames.places
-    hot[:, 5] = chain.masses
-    hot[:, 6:9] = np.einsum("nji,nj->ni", frames.user, chain.masses[:, None] * chain.coms)
-    inertia = transpose(frames.user) @ chain.origin_inertias @ frames.user
+    hot[:, 5] = model.masses
+    hot[:, 6:9] = np.einsum("nji,nj->ni", frames.user, model.masses[:, None] * model.coms)
+    inertia = transpose(frames.user) @ model.origin_inertias @ frames.user
     hot[:, 9:15] = inertia[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
     hot[:, 15] = frames.angle
     hot[:, 17] = frames.kinds == PRISMATIC
@@ -189,14 +189,14 @@ def make_plan(chain: Chain, format_: Format, *, bodies: bool) -> Plan:
     cold[:, 9:18] = frames.general.reshape(n, 9)
     cold[:, 18], cold[:, 19] = np.cos(frames.fork), np.sin(frames.fork)
     cold[:, 20], cold[:, 21] = np.cos(frames.angle), np.sin(frames.angle)
-    topology, vectors = _lay_out(chain, frames, 12 if bodies else 9, lanes)
+    topology, vectors = _lay_out(model, frames, 12 if bodies else 9, lanes)
     scratch = vectors * lanes + CACHE_LINE // format_.dtype.itemsize
     return Plan(hot.astype(format_.dtype), cold.astype(format_.dtype), topology, scratch)
 
 
-def _lay_out(chain: Chain, frames: Frames, motion: int, lanes: int) -> tuple[NDArray[np.int64], int]:
+def _lay_out(model: Model, frames: Frames, motion: int, lanes: int) -> tuple[NDArray[np.int64], int]:
     """Give everything its place in the scratch memory; returns the table and how many vectors there are."""
-    n, parents = len(chain), chain.parents
+    n, parents = len(model), model.parents
     ground = _RINGS * 2 * lanes
     apart = parents != np.arange(n) - 1
     kept = np.zeros(n, dtype=bool)
@@ -207,7 +207,7 @@ def _lay_out(chain: Chain, frames: Frames, motion: int, lanes: int) -> tuple[NDA
     starts = ends - sizes
     table = np.empty((n, TOPOLOGY), dtype=np.int64)
     table[:, KIND] = frames.kinds
-    table[:, Q_COLUMN], table[:, V_COLUMN] = chain.q_starts[:-1], chain.v_starts[:-1]
+    table[:, Q_COLUMN], table[:, V_COLUMN] = model.q_starts[:-1], model.v_starts[:-1]
     table[:, SLOT] = starts * lanes
     table[:, FORCE] = (starts + np.where(single, 2, 12)) * lanes
     keep = (ends - motion) * lanes

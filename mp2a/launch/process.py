@@ -55,7 +55,7 @@ def start(
 
     Raises
     ------
-    MissingError
+    DependencyError
         If there is no launcher.
     """
     launch = mpirun_command(ranks, program, environment=environment)

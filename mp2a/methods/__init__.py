@@ -1,10 +1,10 @@
 """Methods of inverse dynamics, one a file: what nodes do between their exchanges, and the exchanges."""
 
 from mp2a import schedule
+from mp2a.algebra import affine
 from mp2a.methods import compact, kogge_stone, sweep
 from mp2a.methods.node import Method, Work
 from mp2a.methods.result import InverseDynamics
-from mp2a.segments import affine
 
 METHODS = {
     "kogge-stone": Method(schedule.kogge_stone, affine.DOUBLES, Work(0.1e-6, 0.15e-6), kogge_stone.kogge_stone, False),

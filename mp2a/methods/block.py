@@ -11,16 +11,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mp2a.chain import Chain
-from mp2a.leaf import State, joint_torque
+from mp2a.algebra import motion
+from mp2a.joint_kinematics import joint_torque
 from mp2a.methods.node import Method, Nodes, single_bodies
 from mp2a.methods.result import InverseDynamics
+from mp2a.model import Model
 from mp2a.recursion import recursion, segment
 from mp2a.schedule import SHIFT, TAIL, Schedule
-from mp2a.segments import motion
 from mp2a.spatial import Array, force_to_child
 from mp2a.transport.base import Transport
 from mp2a.transport.steps import Operation, Register, Use
+from mp2a.validation import JointState
 
 DOUBLES = {TAIL: motion.DOUBLES}
 
@@ -31,21 +32,21 @@ _USES = {TAIL: Use("tail", after=(Operation("compose", "path", ("<tail", "path")
 class Block(NamedTuple):
     """Consecutive bodies of a serial chain."""
 
-    bodies: Chain
-    head: Chain
+    bodies: Model
+    head: Model
     """The first alone."""
-    rest: Chain | None
+    rest: Model | None
     """The others, if there are any."""
 
 
-def block_of(bodies: Chain) -> Block:
+def block_of(bodies: Model) -> Block:
     """Take a block apart."""
     rest = cut(bodies, range(1, len(bodies))) if len(bodies) > 1 else None
     return Block(bodies, bodies.body(0), rest)
 
 
 def solve(
-    method: Method, block: Block, state: State, gravity: Array, schedule: Schedule, transport: Transport
+    method: Method, block: Block, state: JointState, gravity: Array, schedule: Schedule, transport: Transport
 ) -> InverseDynamics:
     """Inverse dynamics of the block of bodies that is this process's node.
 
@@ -124,17 +125,17 @@ def share(bodies: int, ranks: int) -> tuple[int, ...]:
     return (each + 1,) * more + (each,) * (ranks - more)
 
 
-def cut(chain: Chain, bodies: range) -> Chain:
+def cut(model: Model, bodies: range) -> Model:
     """Take consecutive bodies out of a serial chain, as a chain of their own."""
     part = slice(bodies.start, bodies.stop)
-    return Chain(
-        np.arange(len(bodies)) - 1, chain.joints[part], chain.axes[part], chain.rotations[part],
-        chain.translations[part], chain.masses[part], chain.coms[part], chain.inertias[part], chain.names[part],
+    return Model(
+        np.arange(len(bodies)) - 1, model.joints[part], model.axes[part], model.rotations[part],
+        model.translations[part], model.masses[part], model.coms[part], model.inertias[part], model.names[part],
     )  # fmt: skip
 
 
-def part(chain: Chain, state: State, bodies: range) -> State:
-    """State of consecutive bodies."""
-    q, v = (slice(starts[bodies.start], starts[bodies.stop]) for starts in (chain.q_starts, chain.v_starts))
+def part(model: Model, state: JointState, bodies: range) -> JointState:
+    """JointState of consecutive bodies."""
+    q, v = (slice(starts[bodies.start], starts[bodies.stop]) for starts in (model.q_starts, model.v_starts))
     external = None if state.external is None else state.external[bodies.start : bodies.stop]
-    return State(state.q[:, q], state.v[:, v], state.a[:, v], external, state.single)
+    return JointState(state.q[:, q], state.v[:, v], state.a[:, v], external, state.single)

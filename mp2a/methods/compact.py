@@ -1,9 +1,9 @@
 """The fewest bytes: one scan of motion outwards, then one of forces inwards, on a chain or a tree."""
 
+from mp2a.algebra import motion
 from mp2a.methods.node import Nodes, Scan
 from mp2a.methods.sweep import LONGER, read_off
 from mp2a.schedule import FORCE, MOTION, Schedule
-from mp2a.segments import motion
 from mp2a.spatial import Array, spatial_to_classical
 from mp2a.transport.base import Transport
 from mp2a.transport.steps import Operation, Register, Use

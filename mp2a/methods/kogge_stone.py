@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mp2a.algebra import motion
+from mp2a.algebra.affine import MATRIX_AND_VECTOR, VECTOR
 from mp2a.methods.node import Nodes, Scan
 from mp2a.schedule import Schedule
-from mp2a.segments import motion
-from mp2a.segments.affine import MATRIX_AND_VECTOR, VECTOR
 from mp2a.spatial import Array, apply, force_to_child, motion_operator, transpose, velocity_product
 from mp2a.transport.base import Transport
 from mp2a.transport.steps import Operation, Register, Use

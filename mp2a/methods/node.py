@@ -3,14 +3,15 @@
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from mp2a.chain import Chain
-from mp2a.leaf import State, joint_motion, joint_torque
+from mp2a.algebra import inertia, motion
+from mp2a.joint_kinematics import joint_motion, joint_torque
 from mp2a.methods.result import InverseDynamics
+from mp2a.model import Model
 from mp2a.recursion import segment
 from mp2a.schedule import Formation, Schedule
-from mp2a.segments import load, motion
 from mp2a.spatial import Array, body_force
 from mp2a.transport.base import Transport
+from mp2a.validation import JointState
 
 
 class Nodes(NamedTuple):
@@ -41,11 +42,11 @@ class Scan(NamedTuple):
     """From the base to the heads, ``(nodes, T, 24)``, where the method has it."""
 
 
-def single_bodies(bodies: Chain, state: State) -> Nodes:
+def single_bodies(bodies: Model, state: JointState) -> Nodes:
     """Make each body a node."""
 
     def leaf() -> Array:
-        return load.leaf(bodies.masses, bodies.coms, bodies.origin_inertias, state.external, state.samples)
+        return inertia.from_body(bodies.masses, bodies.coms, bodies.origin_inertias, state.external, state.samples)
 
     def force(velocity: Array, acceleration: Array) -> Array:
         mass, com = bodies.masses[:, None], bodies.coms[:, None]
@@ -55,7 +56,9 @@ def single_bodies(bodies: Chain, state: State) -> Nodes:
         return out
 
     path = (
-        segment(bodies, state, loaded=False)[0][None] if len(bodies) == 1 else motion.leaf(joint_motion(bodies, state))
+        segment(bodies, state, loaded=False)[0][None]
+        if len(bodies) == 1
+        else motion.from_joint(joint_motion(bodies, state))
     )
     return Nodes(path, leaf, force, blocks=False)
 
@@ -88,7 +91,7 @@ class Method(NamedTuple):
     """Whether it asks nodes for their load."""
 
     def solve(
-        self, bodies: Chain, state: State, gravity: Array, schedule: Schedule, transport: Transport
+        self, bodies: Model, state: JointState, gravity: Array, schedule: Schedule, transport: Transport
     ) -> InverseDynamics:
         """Inverse dynamics of the bodies this process holds, each a node."""
         velocity, acceleration, force, _, path = self.scan(single_bodies(bodies, state), gravity, schedule, transport)

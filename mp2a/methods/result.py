@@ -9,7 +9,7 @@ from mp2a.spatial import Array
 class InverseDynamics:
     """Motion and force of bodies, each in its own frame at its own origin, ``[angular; linear]``.
 
-    From `mp2a.rnea` the arrays hold all n bodies, ``(n, 6)`` or ``(T, n, 6)``; from `mp2a.DistributedChain` this
+    From `mp2a.rnea` the arrays hold all n bodies, ``(n, 6)`` or ``(T, n, 6)``; from `mp2a.DistributedModel` this
     robot's body alone, ``(6,)`` or ``(T, 6)``.
 
     Attributes

@@ -1,22 +1,22 @@
 """The whole inverse dynamics in one set of rounds, on a chain or a tree (theory, section 4)."""
 
 from mp2a import kernels
+from mp2a.algebra import inertia, motion
 from mp2a.methods.node import Nodes, Scan
 from mp2a.schedule import FORCE, MOTION, Schedule
-from mp2a.segments import load, motion
 from mp2a.spatial import Array, spatial_to_classical
 from mp2a.transport.base import Transport
 from mp2a.transport.steps import Operation, Register, Use
 
-DOUBLES = {MOTION: motion.DOUBLES, FORCE: load.DOUBLES}
+DOUBLES = {MOTION: motion.DOUBLES, FORCE: inertia.DOUBLES}
 
 LONGER = Use("path", after=(Operation("compose", "path", ("<path", "path")),))
 """A path that comes is put above the own one."""
 
 _LAYOUT = {
     "path": Register({"path": motion.DOUBLES}, copies=2),
-    "below": Register({"below": load.DOUBLES}),
-    "upwards": Register({"upwards": load.DOUBLES}, copies=2),
+    "below": Register({"below": inertia.DOUBLES}),
+    "upwards": Register({"upwards": inertia.DOUBLES}, copies=2),
 }
 _USES = {
     MOTION: LONGER,
@@ -26,7 +26,7 @@ _USES = {
         after=(Operation("add", "below", ("<upwards",)),),
     ),
 }
-_LAYOUT_OF_BLOCKS = _LAYOUT | {"behind": Register({"behind": load.DOUBLES})}
+_LAYOUT_OF_BLOCKS = _LAYOUT | {"behind": Register({"behind": inertia.DOUBLES})}
 _USES_OF_BLOCKS = _USES | {FORCE: _USES[FORCE].then(Operation("add", "behind", ("<upwards",)))}
 
 

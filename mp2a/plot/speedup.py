@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from mp2a.cost_model import amdahl, karp_flatt
 from mp2a.exceptions import InputError
 from mp2a.methods import METHODS
-from mp2a.model import amdahl, karp_flatt
 from mp2a.plot.style import (
     FAINT,
     INK,

@@ -1,1 +1,1 @@
-"""Where chains come from. Each module returns the fields of `mp2a.chain.Chain` as a dictionary."""
+"""Where chains come from. Each module returns the fields of `mp2a.model.Model` as a dictionary."""

@@ -15,7 +15,7 @@ from mp2a.spatial import Array
 def uniform(
     n: int, joint: str, axis: ArrayLike, offset: ArrayLike, mass: float, inertia: ArrayLike | None
 ) -> dict[str, Any]:
-    """Fields of `Chain.uniform`."""
+    """Fields of `Model.uniform`."""
     count("n", n)
     step = array("offset", offset, (3,))
     mass = float(array("mass", mass, ()))
@@ -37,7 +37,7 @@ def uniform(
 
 
 def random(n: int, seed: int, joints: Sequence[str], branching: int) -> dict[str, Any]:
-    """Fields of `Chain.random`; placements of some decimetres, so that 512 bodies stay within tens of metres."""
+    """Fields of `Model.random`; placements of some decimetres, so that 512 bodies stay within tens of metres."""
     count("n", n)
     count("seed", seed, 0)
     count("branching", branching)
@@ -62,7 +62,7 @@ def random(n: int, seed: int, joints: Sequence[str], branching: int) -> dict[str
 
 
 def random_state(joints: Sequence[str], body: int | None, samples: int, seed: int) -> tuple[Array, Array, Array]:
-    """See `Chain.random_state`; always with a sample axis."""
+    """See `Model.random_state`; always with a sample axis."""
     count("seed", seed, 0)
     parts = []
     for i in range(len(joints)) if body is None else (body,):

@@ -18,7 +18,7 @@ _UNALIGNED = {
 
 
 def from_model(model: pinocchio.Model) -> dict[str, Any]:
-    """Fields of `Chain.from_pinocchio`."""
+    """Fields of `Model.from_pinocchio`."""
     n = model.njoints - 1
     if n == 0:
         raise InputError("model: got a pinocchio model without joints, expected at least one that moves")
@@ -49,7 +49,7 @@ def from_model(model: pinocchio.Model) -> dict[str, Any]:
 
 
 def to_model(fields: dict[str, Any]) -> pinocchio.Model:
-    """Model of a chain's fields; see `Chain.to_pinocchio`."""
+    """Model of a chain's fields; see `Model.to_pinocchio`."""
     model = pinocchio.Model()
     model.name = "mp2a"
     for i, parent in enumerate(fields["parents"]):

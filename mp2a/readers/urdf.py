@@ -8,7 +8,7 @@ from mp2a.exceptions import InputError
 
 
 def read_urdf(path: str | Path) -> dict[str, Any]:
-    """Fields of `Chain.from_urdf`."""
+    """Fields of `Model.from_urdf`."""
     import pinocchio
 
     from mp2a.readers.pinocchio_model import from_model

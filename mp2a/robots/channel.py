@@ -75,7 +75,7 @@ def agree(
 
     Raises
     ------
-    MissingError
+    DependencyError
         If somebody is missing for a minute, a clock is ahead, or it is too late.
 
     Notes

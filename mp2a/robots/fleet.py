@@ -99,7 +99,7 @@ def build(
 
     Raises
     ------
-    InputError, MissingError
+    InputError, DependencyError
         If the robots do not fit the scenario, or one cannot be reached.
     """
     adapter = ADAPTERS[found.adapter]

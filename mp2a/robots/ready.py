@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from mp2a.exceptions import MissingError
+from mp2a.exceptions import DependencyError
 from mp2a.robots.interface import Robot
 
 
@@ -13,7 +13,7 @@ def wait_until_ready(robot: Robot, what: str, longest: float = 30.0) -> None:
 
     Raises
     ------
-    MissingError
+    DependencyError
         If something is missing for too long; says what.
     """
     deadline = time.monotonic() + longest
@@ -26,7 +26,7 @@ def wait_until_ready(robot: Robot, what: str, longest: float = 30.0) -> None:
             return
         if time.monotonic() > deadline:
             missing = [name for name, there in (("pose", pose), ("odometry", twist), ("points", points)) if not there]
-            raise MissingError(
+            raise DependencyError(
                 f"{what}: no {' and no '.join(missing)} for {longest:g} s; are its topics right and its nodes on?"
             )
         time.sleep(0.05)

@@ -10,7 +10,7 @@ import time
 from dataclasses import asdict
 from typing import Any
 
-from mp2a.exceptions import MissingError
+from mp2a.exceptions import DependencyError
 from mp2a.robots import watchdog
 from mp2a.robots.table import RobotInterface
 
@@ -37,7 +37,7 @@ class Sender:
 
     Raises
     ------
-    MissingError
+    DependencyError
         If the watchdog cannot reach the robot; says why.
     """
 
@@ -100,7 +100,9 @@ class Sender:
             return
         self._process.kill()
         self._process.wait()
-        raise MissingError(f"no watchdog: {said.decode().strip() or f'it was not ready within {_START_PATIENCE:g} s'}")
+        raise DependencyError(
+            f"no watchdog: {said.decode().strip() or f'it was not ready within {_START_PATIENCE:g} s'}"
+        )
 
 
 def _reason(status: int | None) -> str:

@@ -15,7 +15,7 @@ A pure state machine: messages in, messages out, time given.
 import math
 from collections.abc import Sequence
 
-from mp2a.exceptions import InputError, MissingError
+from mp2a.exceptions import DependencyError, InputError
 
 LEAD = 4.0
 """s from a proposal to the start it proposes (section 4.2)."""
@@ -77,7 +77,7 @@ class Start:
 
         Raises
         ------
-        MissingError
+        DependencyError
             If another's clock is ahead, or the agreed time is over when it becomes known.
         """
         match message.split():
@@ -92,24 +92,26 @@ class Start:
         return []
 
     def check(self, waited: float) -> None:
-        """Raise MissingError if ``waited`` s were too long; says who is missing."""
+        """Raise DependencyError if ``waited`` s were too long; says who is missing."""
         if waited > PATIENCE and self.time is None:
             silent = sorted(self._untested or set(self._roles) - set(self._proposals))
-            raise MissingError(
+            raise DependencyError(
                 f"{self.role} waited {PATIENCE:g} s for {', '.join(silent)}; are all robots on, and reachable?"
             )
 
     def _take(self, sender: str, time: float, now: float) -> None:
         if not time <= now + self._lead + CLOCK_TOLERANCE:
             ahead = time - now - self._lead
-            raise MissingError(f"the clock of {sender} is {ahead:.1f} s ahead of that of {self.role}; set both by NTP")
+            raise DependencyError(
+                f"the clock of {sender} is {ahead:.1f} s ahead of that of {self.role}; set both by NTP"
+            )
         known = self._proposals.get(sender)
         self._proposals[sender] = time if known is None else max(known, time)
         if len(self._proposals) < len(self._roles):
             return
         agreed = max(self._proposals.values())
         if self.time is None and agreed < now:
-            raise MissingError(
+            raise DependencyError(
                 f"{self.role} learned {now - agreed:.1f} s too late when to start; start all robots again"
             )
         self.time = agreed

@@ -20,7 +20,7 @@ import sys
 import time
 from typing import NamedTuple
 
-from mp2a.exceptions import MissingError
+from mp2a.exceptions import DependencyError
 from mp2a.robots.publishers import Publisher, Settings, open_publisher
 
 COMMAND = struct.Struct("<dd")
@@ -54,7 +54,7 @@ def main() -> int:
         signal.signal(number, lambda got, _frame: signalled.append(got))
     try:
         publisher = open_publisher(settings)
-    except (MissingError, ImportError) as error:
+    except (DependencyError, ImportError) as error:
         sys.stdout.write(f"{error}\n")
         return 1
     sys.stdout.write(READY)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mp2a.exceptions import MissingError
+from mp2a.exceptions import DependencyError
 from mp2a.simulator.observation import STATES
 from mp2a.spatial import Array
 
@@ -34,14 +34,14 @@ def write(recording: "Recording", path: Path) -> None:
 
     Raises
     ------
-    MissingError
+    DependencyError
         If foxglove-sdk is not installed.
     """
     try:
         import foxglove
         from foxglove import channels, messages
     except ImportError as error:
-        raise MissingError("MCAP files need foxglove-sdk: pip install 'mp2a[record]'") from error
+        raise DependencyError("MCAP files need foxglove-sdk: pip install 'mp2a[record]'") from error
 
     context = foxglove.Context()
     n, gaps = len(recording.models), recording.gaps

@@ -91,7 +91,7 @@ class Recording:
         ------
         InputError
             If the ending is another.
-        MissingError
+        DependencyError
             If it is ``.mcap`` and foxglove-sdk is not installed.
         """
         out = Path(path)

@@ -6,8 +6,8 @@ from typing import Protocol
 import numpy as np
 
 from mp2a import kernels
+from mp2a.algebra import affine
 from mp2a.schedule import Round
-from mp2a.segments import affine
 from mp2a.spatial import Array
 from mp2a.transport.base import Arrival, Nodes
 from mp2a.transport.steps import Registers, Use

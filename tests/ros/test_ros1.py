@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from listening import Listener
 
-from mp2a.exceptions import MissingError
+from mp2a.exceptions import DependencyError
 from mp2a.robots import sound
 from mp2a.robots.robots_file import within
 from mp2a.robots.sender import Sender
@@ -162,13 +162,13 @@ def test_a_mux_whose_package_is_missing_is_named(master):
     from geometry_msgs.msg import Twist
 
     listener = Listener("/u/nav/cmd_vel", Twist)
-    with pytest.raises(MissingError, match=r"nifti_teleop.*or let the robot ask: command_topic"):
+    with pytest.raises(DependencyError, match=r"nifti_teleop.*or let the robot ask: command_topic"):
         Sender(within(INTERFACES["tradr"], "u"), "ros1", role="u")
     listener.close()
 
 
 def test_nobody_listens(master):
-    with pytest.raises(MissingError, match="nobody listens to /nowhere/nav/cmd_vel"):
+    with pytest.raises(DependencyError, match="nobody listens to /nowhere/nav/cmd_vel"):
         Sender(within(INTERFACES["husky"], "nowhere"), "ros1", role="nowhere")
 
 

@@ -28,14 +28,14 @@ class Checks:
 def chain_of_all_joints(n=SIZE, seed=0, branching=1):
     """Joint types in turn, so that eight ranks see every one of them."""
     kinds = list(JOINTS)
-    mixed = mp2a.Chain.random(n, seed, branching=branching)
+    mixed = mp2a.Model.random(n, seed, branching=branching)
     fields = {name: getattr(mixed, name) for name in mixed.__dataclass_fields__}
-    return mp2a.Chain(**fields | {"joints": tuple(kinds[(i + seed) % len(kinds)] for i in range(n))})
+    return mp2a.Model(**fields | {"joints": tuple(kinds[(i + seed) % len(kinds)] for i in range(n))})
 
 
-def own_columns(chain, rank=RANK):
-    q = slice(chain.q_starts[rank], chain.q_starts[rank + 1])
-    v = slice(chain.v_starts[rank], chain.v_starts[rank + 1])
+def own_columns(model, rank=RANK):
+    q = slice(model.q_starts[rank], model.q_starts[rank + 1])
+    v = slice(model.v_starts[rank], model.v_starts[rank + 1])
     return q, v
 
 

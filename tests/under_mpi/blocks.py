@@ -11,20 +11,20 @@ check = Checks()
 GRAVITY = (1.0, -2.0, -9.0)
 
 
-def columns(chain, bodies):
+def columns(model, bodies):
     """Columns of q and of v that belong to consecutive bodies."""
-    return (slice(starts[bodies.start], starts[bodies.stop]) for starts in (chain.q_starts, chain.v_starts))
+    return (slice(starts[bodies.start], starts[bodies.stop]) for starts in (model.q_starts, model.v_starts))
 
 
-def agrees(formation, chain, samples, seed, *, loaded=True):
+def agrees(formation, model, samples, seed, *, loaded=True):
     """Every number of every body, and every message."""
-    q, v, a = chain.random_state(samples, seed)
+    q, v, a = model.random_state(samples, seed)
     lead = () if samples is None else (samples,)
-    forces = np.random.default_rng(seed).normal(size=(*lead, len(chain), 6)) if loaded else None
-    whole = mp2a.rnea(chain, q, v, a, forces, GRAVITY, bodies=True)
+    forces = np.random.default_rng(seed).normal(size=(*lead, len(model), 6)) if loaded else None
+    whole = mp2a.rnea(model, q, v, a, forces, GRAVITY, bodies=True)
     bodies = formation.bodies
     own = slice(bodies.start, bodies.stop)
-    qs, vs = columns(chain, bodies)
+    qs, vs = columns(model, bodies)
     before = dict(formation.transport.messages), formation.transport.doubles
     external = forces[..., own, :] if loaded else None
     mine = formation.rnea(q[..., qs], v[..., vs], a[..., vs], external)
@@ -47,58 +47,58 @@ for seed in range(3):
     counts = rng.integers(1, 6, SIZE)
     counts[rng.integers(SIZE)] = 1
     counts[rng.integers(SIZE)] += 1
-    chain = chain_of_all_joints(int(counts.sum()), seed)
+    model = chain_of_all_joints(int(counts.sum()), seed)
     for method in METHODS:
         named = {"counts": counts.tolist(), "gravity": GRAVITY, "trace": seed == 2}
-        with mp2a.DistributedChain(COMM, chain, method, **named) as formation:
+        with mp2a.DistributedModel(COMM, model, method, **named) as formation:
             check(COMM.allgather(len(formation.bodies)) == counts.tolist())
-            check([i for part in COMM.allgather(formation.bodies) for i in part] == list(range(len(chain))))
-            check(formation.part.joints == tuple(chain.joints[i] for i in formation.bodies))
+            check([i for part in COMM.allgather(formation.bodies) for i in part] == list(range(len(model))))
+            check(formation.part.joints == tuple(model.joints[i] for i in formation.bodies))
             for samples in (None, 1, 5):
-                agrees(formation, chain, samples, seed, loaded=samples != 1)
+                agrees(formation, model, samples, seed, loaded=samples != 1)
             check((formation.transport.messages.get(TAIL, 0) > 0) == (RANK < SIZE - 1))
 
 # Large batches, an emulated network, and even blocks by default.
-chain = chain_of_all_joints(3 * SIZE + SIZE // 2, 11)
+model = chain_of_all_joints(3 * SIZE + SIZE // 2, 11)
 for method in METHODS:
-    with mp2a.DistributedChain(COMM, chain, method, GRAVITY) as formation:
+    with mp2a.DistributedModel(COMM, model, method, GRAVITY) as formation:
         sizes = COMM.allgather(len(formation.bodies))
-        check(max(sizes) - min(sizes) <= 1 and sum(sizes) == len(chain) and sizes == sorted(sizes, reverse=True))
-        agrees(formation, chain, 900, 3)  # as many as are not recorded
-with mp2a.DistributedChain(COMM, chain, gravity=GRAVITY, network=mp2a.EmulatedNetwork(1e-3, 1e9)) as formation:
-    agrees(formation, chain, 2, 4)
+        check(max(sizes) - min(sizes) <= 1 and sum(sizes) == len(model) and sizes == sorted(sizes, reverse=True))
+        agrees(formation, model, 900, 3)  # as many as are not recorded
+with mp2a.DistributedModel(COMM, model, gravity=GRAVITY, network=mp2a.EmulatedNetwork(1e-3, 1e9)) as formation:
+    agrees(formation, model, 2, 4)
 
 # What is behind a block is known to its own digits, however much the block itself presses on its head.
-chain = chain_of_all_joints(3 * SIZE, 2)
-fields = {name: getattr(chain, name) for name in chain.__dataclass_fields__}
-chain = mp2a.Chain(
-    **fields | {"masses": np.where(np.arange(3 * SIZE) == 0, 1e9, 1e-3), "inertias": 1e-3 * chain.inertias}
+model = chain_of_all_joints(3 * SIZE, 2)
+fields = {name: getattr(model, name) for name in model.__dataclass_fields__}
+model = mp2a.Model(
+    **fields | {"masses": np.where(np.arange(3 * SIZE) == 0, 1e9, 1e-3), "inertias": 1e-3 * model.inertias}
 )
-whole = mp2a.rnea(chain, *chain.random_state(), bodies=True)
+whole = mp2a.rnea(model, *model.random_state(), bodies=True)
 for method in METHODS:
-    with mp2a.DistributedChain(COMM, chain, method) as formation:
-        qs, vs = columns(chain, formation.bodies)
-        q, v, a = chain.random_state()
+    with mp2a.DistributedModel(COMM, model, method) as formation:
+        qs, vs = columns(model, formation.bodies)
+        q, v, a = model.random_state()
         force, light = formation.rnea(q[qs], v[vs], a[vs]).force, slice(1 if RANK == 0 else 0, None)
         theirs = whole.force[formation.bodies.start : formation.bodies.stop]
         check(relative_error(force[light], theirs[light], theirs[light]) < 1e-11, method)
 
 # One body each, said or not, is the case without blocks: the same schedule, the same messages.
-chain = chain_of_all_joints()
+model = chain_of_all_joints()
 for counts in (None, [1] * SIZE, np.ones(SIZE)):
-    with mp2a.DistributedChain(COMM, chain, "sweep", counts=counts) as formation:
+    with mp2a.DistributedModel(COMM, model, "sweep", counts=counts) as formation:
         check(not formation.schedule.recurrence(SHIFT))
         check(str(formation.schedule) == str(METHODS["sweep"].schedule(SIZE)))
-        check(formation.rnea(*chain.random_state(body=RANK)).velocity.shape == (6,))
+        check(formation.rnea(*model.random_state(body=RANK)).velocity.shape == (6,))
         check(TAIL not in formation.transport.messages)
 
 # A wrong input of one rank, in a chain of blocks.
-chain = chain_of_all_joints(2 * SIZE + 1, 5)
+model = chain_of_all_joints(2 * SIZE + 1, 5)
 for method in METHODS:
-    with mp2a.DistributedChain(COMM, chain, method, GRAVITY) as formation:
-        qs, vs = columns(chain, formation.bodies)
+    with mp2a.DistributedModel(COMM, model, method, GRAVITY) as formation:
+        qs, vs = columns(model, formation.bodies)
         for bad in {SIZE // 2}:
-            q, v, a = chain.random_state(2)
+            q, v, a = model.random_state(2)
             state = [q[:, qs], v[:, vs], a[:, vs]]
             wrong_force = np.zeros((len(formation.bodies) + (bad == RANK), 6))
             spoilt = [part + np.nan if bad == RANK else part for part in state]
@@ -111,5 +111,5 @@ for method in METHODS:
                 except mp2a.InputError as error:
                     texts = COMM.allgather(str(error))
                 check(len(set(texts)) == 1 and texts[0] is not None and word in texts[0], texts)
-            agrees(formation, chain, 2, 6)
+            agrees(formation, model, 2, 6)
 check.done()

@@ -36,7 +36,7 @@ check(expected.done)
 check(not back or np.abs(np.diff(expected.leader_twists, axis=1)).max() > 0.1)  # two leaders
 
 for method in METHODS:
-    with mp2a.DistributedChain(COMM, planar_chain(SIZE), method) as ranks:
+    with mp2a.DistributedModel(COMM, planar_chain(SIZE), method) as ranks:
         show = Choreography(scenario, HUSKY, exchange=OverRanks(ranks))
         check((show.state.course is None) == (RANK > 0))
         # What the others do is not known here: one's own pose goes in, one's own command comes out.

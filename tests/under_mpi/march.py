@@ -22,7 +22,7 @@ def silence(tick, sensed, robots):
 
 def expected(formation, method, springs):
     """The march of one process: setpoints and forces of all ticks, and how far the joints yielded in the end."""
-    march = March(formation, PATH, OneProcess(formation.chain, method), springs=springs)
+    march = March(formation, PATH, OneProcess(formation.model, method), springs=springs)
     rows, yielded = [], 0.0
     for tick in range(TICKS):
         setpoints = march.step(silence(tick, WORLD.sense(march.state.pose), slice(None)))
@@ -37,7 +37,7 @@ for shape, method in CASES:
     springs = Springs(turning_stiffness=400.0) if shape == "column" else Springs()
     whole, yielded = COMM.bcast(expected(formation, method, springs) if RANK == 0 else None)
     check(yielded > 0.1, shape, yielded)
-    with mp2a.DistributedChain(COMM, formation.chain, method) as ranks:
+    with mp2a.DistributedModel(COMM, formation.model, method) as ranks:
         march = March(formation, PATH if RANK == 0 else None, OverRanks(ranks), springs=springs)
         # The scan is all there is, but for a word to the one behind: as many messages as the schedule says.
         count = ranks.schedule.count(METHODS[method].doubles).total
@@ -55,7 +55,7 @@ for shape, method in CASES:
 
 # A leader without a path stands, and so do all.
 formation = Formation.of("line", SIZE)
-with mp2a.DistributedChain(COMM, formation.chain) as ranks:
+with mp2a.DistributedModel(COMM, formation.model) as ranks:
     march = March(formation, None, OverRanks(ranks))
     start = march.state.pose.copy()
     for _ in range(5):

@@ -10,18 +10,18 @@ from mp2a.transport.link import MPILink, make_link
 
 check = Checks()
 for seed in range(3):
-    chain = chain_of_all_joints(seed=seed)
-    reference = Reference(chain) if RANK == 0 else None
+    model = chain_of_all_joints(seed=seed)
+    reference = Reference(model) if RANK == 0 else None
     contenders = []
     for link in (MPILink(COMM), make_link(COMM, mp2a.EmulatedNetwork(1e-3, 1e9))):
-        contenders += [Relay(link, chain), Relay(link, chain, blocks=4)]
-        contenders += [Centre(link, chain, reference), Centre(link, chain, reference, tree=True)]
-    qs, vs = own_columns(chain)
+        contenders += [Relay(link, model), Relay(link, model, blocks=4)]
+        contenders += [Centre(link, model, reference), Centre(link, model, reference, tree=True)]
+    qs, vs = own_columns(model)
     for samples in (1, 3, 50):
-        q, v, a = chain.random_state(samples, seed)
-        whole = mp2a.rnea(chain, q, v, a)
+        q, v, a = model.random_state(samples, seed)
+        whole = mp2a.rnea(model, q, v, a)
         for contender in contenders:
             torque = contender.rnea(q[:, qs], v[:, vs], a[:, vs])
-            check(torque.shape == (samples, chain.body(RANK).nv))
+            check(torque.shape == (samples, model.body(RANK).nv))
             check(relative_error(torque, whole[:, vs], whole) < 1e-12, type(contender).__name__)
 check.done()

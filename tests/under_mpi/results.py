@@ -11,17 +11,17 @@ check = Checks()
 GRAVITY = (1.0, -2.0, -9.0)
 
 for seed in range(4):
-    chain = chain_of_all_joints(seed=seed, branching=1 + 2 * (seed % 2))
+    model = chain_of_all_joints(seed=seed, branching=1 + 2 * (seed % 2))
     for method in METHODS:
-        if method == "kogge-stone" and not chain.is_serial:
+        if method == "kogge-stone" and not model.is_serial:
             continue
-        with mp2a.DistributedChain(COMM, chain, method, gravity=GRAVITY) as formation:
+        with mp2a.DistributedModel(COMM, model, method, gravity=GRAVITY) as formation:
             check(len(formation.part) == 1 and formation.bodies == range(RANK, RANK + 1))
             for samples in (None, 1, 7, 300):
-                q, v, a = chain.random_state(samples, seed)
+                q, v, a = model.random_state(samples, seed)
                 forces = np.random.default_rng(seed).normal(size=(*(() if samples is None else (samples,)), SIZE, 6))
-                whole = mp2a.rnea(chain, q, v, a, forces, GRAVITY, bodies=True)
-                qs, vs = own_columns(chain)
+                whole = mp2a.rnea(model, q, v, a, forces, GRAVITY, bodies=True)
+                qs, vs = own_columns(model)
                 before = dict(formation.transport.messages), formation.transport.doubles
                 mine = formation.rnea(q[..., qs], v[..., vs], a[..., vs], forces[..., RANK, :])
                 for name in ("velocity", "acceleration", "force"):
@@ -39,27 +39,27 @@ for seed in range(4):
                 check(sent == count.doubles * (samples or 1))
 
 # "auto" says the same everywhere, and gives the same.
-chain = chain_of_all_joints()
-q, v, a = chain.random_state(4)
-qs, vs = own_columns(chain)
+model = chain_of_all_joints()
+q, v, a = model.random_state(4)
+qs, vs = own_columns(model)
 for network in (None, mp2a.EmulatedNetwork(0.02, 54e6), mp2a.EmulatedNetwork(1e-6, 1e12)):
-    with mp2a.DistributedChain(COMM, chain, samples=4, network=network) as formation:
+    with mp2a.DistributedModel(COMM, model, samples=4, network=network) as formation:
         check(len(set(COMM.allgather(str(formation.choice)))) == 1)
         check(formation.method == formation.choice.method)
         check(network is None or SIZE == 1 or network.latency < 1e-3 or formation.method == "sweep", formation.choice)
-        whole = mp2a.rnea(chain, q, v, a)
+        whole = mp2a.rnea(model, q, v, a)
         check(relative_error(formation.rnea(q[:, qs], v[:, vs], a[:, vs]).torque, whole[:, vs], whole) < 1e-12)
 
 # Without an external force, and one force for all samples.
-chain = chain_of_all_joints()
-q, v, a = chain.random_state(4)
-qs, vs = own_columns(chain)
-with mp2a.DistributedChain(COMM, chain) as formation:
-    whole = mp2a.rnea(chain, q, v, a)
+model = chain_of_all_joints()
+q, v, a = model.random_state(4)
+qs, vs = own_columns(model)
+with mp2a.DistributedModel(COMM, model) as formation:
+    whole = mp2a.rnea(model, q, v, a)
     mine = formation.rnea(q[:, qs], v[:, vs], a[:, vs])
     check(relative_error(mine.torque, whole[:, vs], whole) < 1e-12)
     force = np.arange(6.0)
-    whole = mp2a.rnea(chain, q, v, a, np.tile(force, (SIZE, 1)))
+    whole = mp2a.rnea(model, q, v, a, np.tile(force, (SIZE, 1)))
     mine = formation.rnea(q[:, qs], v[:, vs], a[:, vs], force)
     check(relative_error(mine.torque, whole[:, vs], whole) < 1e-12)
 
@@ -70,11 +70,11 @@ reverse = COMM.Split(0, -RANK)
 mail = np.zeros(1)
 waiting = COMM.Irecv(mail, MPI.ANY_SOURCE, MPI.ANY_TAG)
 formations = [(comm, chain_of_all_joints(comm.size, 5)) for comm in (halves, reverse, COMM)]
-made = [mp2a.DistributedChain(comm, chain) for comm, chain in formations]
-for (comm, chain), formation in zip(formations, made, strict=True):
-    q, v, a = chain.random_state(2)
-    qs, vs = own_columns(chain, comm.rank)
-    whole = mp2a.rnea(chain, q, v, a)
+made = [mp2a.DistributedModel(comm, model) for comm, model in formations]
+for (comm, model), formation in zip(formations, made, strict=True):
+    q, v, a = model.random_state(2)
+    qs, vs = own_columns(model, comm.rank)
+    whole = mp2a.rnea(model, q, v, a)
     mine = formation.rnea(q[:, qs], v[:, vs], a[:, vs])
     check(relative_error(mine.torque, whole[:, vs], whole) < 1e-12)
 check(not waiting.Test())

@@ -8,11 +8,11 @@ from mpi4py import MPI
 
 import mp2a
 from mp2a import kernels
-from mp2a.leaf import check_state
 from mp2a.methods import METHODS
 from mp2a.transport import native
 from mp2a.transport.link import MPILink
 from mp2a.transport.mpi import MPITransport
+from mp2a.validation import check_state
 
 check = Checks()
 compiled = kernels.status().compiled
@@ -24,14 +24,14 @@ def torques(formation, state):
 
 
 for method, branching in FORMATIONS:
-    chain = chain_of_all_joints(seed=branching, branching=branching)
-    if method == "kogge-stone" and not chain.is_serial:
+    model = chain_of_all_joints(seed=branching, branching=branching)
+    if method == "kogge-stone" and not model.is_serial:
         continue
-    state = chain.random_state(4, body=RANK)
+    state = model.random_state(4, body=RANK)
     named = {"gravity": (1.0, 2.0, 3.0)}
-    with mp2a.DistributedChain(COMM, chain, method, **named) as recorded:
-        with mp2a.DistributedChain(COMM, chain, method, **named, trace=True) as traced:
-            whole = mp2a.rnea(chain, *chain.random_state(4), gravity=(1.0, 2.0, 3.0))
+    with mp2a.DistributedModel(COMM, model, method, **named) as recorded:
+        with mp2a.DistributedModel(COMM, model, method, **named, trace=True) as traced:
+            whole = mp2a.rnea(model, *model.random_state(4), gravity=(1.0, 2.0, 3.0))
             for ours, theirs in zip(torques(recorded, state), torques(traced, state), strict=True):
                 check(np.abs(ours - theirs).max() <= 1e-13 * np.abs(whole).max(), method)
             one, other = recorded.transport, traced.transport
@@ -49,21 +49,21 @@ for method, branching in FORMATIONS:
         check(all(np.array_equal(a, b) for a, b in zip(again, kept, strict=True)))
 
 # Many samples: nothing is kept.
-chain = chain_of_all_joints()
-with mp2a.DistributedChain(COMM, chain, "sweep") as formation:
+model = chain_of_all_joints()
+with mp2a.DistributedModel(COMM, model, "sweep") as formation:
     for samples, kept in ((1, SIZE > 1), (1500, False), (1, SIZE > 1)):
-        formation.rnea(*chain.random_state(samples, body=RANK))
+        formation.rnea(*model.random_state(samples, body=RANK))
         check(bool(formation.transport.programs) == kept)
 
 # Ranks that record and ranks that cannot understand each other.
 if RANK % 2:
     native.kernels.rounds, real = lambda: None, kernels.rounds
-qs, vs = own_columns(chain)
-whole = mp2a.rnea(chain, *chain.random_state())
+qs, vs = own_columns(model)
+whole = mp2a.rnea(model, *model.random_state())
 for method in METHODS:
-    with mp2a.DistributedChain(COMM, chain, method) as formation:
+    with mp2a.DistributedModel(COMM, model, method) as formation:
         for _ in range(3):
-            check(relative_error(formation.rnea(*chain.random_state(body=RANK)).torque, whole[vs], whole) < 1e-12)
+            check(relative_error(formation.rnea(*model.random_state(body=RANK)).torque, whole[vs], whole) < 1e-12)
         programs = formation.transport.programs.values()
         check(all((program is not None) == (compiled and not RANK % 2) for program in programs))
 if RANK % 2:
@@ -72,9 +72,9 @@ if RANK % 2:
 # An input that is wrong on one rank, at first and later; the others record or have recorded.
 for method in METHODS:
     for bad in sorted({0, SIZE - 1}):
-        with mp2a.DistributedChain(COMM, chain, method) as formation:
+        with mp2a.DistributedModel(COMM, model, method) as formation:
             for samples in (None, 2):
-                state, whole = chain.random_state(samples, body=RANK), mp2a.rnea(chain, *chain.random_state(samples))
+                state, whole = model.random_state(samples, body=RANK), mp2a.rnea(model, *model.random_state(samples))
                 wrong = [part + (np.nan if bad == RANK else 0.0) for part in state]
                 for _ in range(2):
                     try:
@@ -90,15 +90,15 @@ if compiled and SIZE > 1:
     comm = COMM.Dup()
     method = METHODS["sweep"]
     transport = MPITransport(MPILink(comm), method.schedule(SIZE))
-    state = check_state(chain.body(RANK), *chain.random_state(body=RANK), None)
-    method.solve(chain.body(RANK), state, np.zeros(3), method.schedule(SIZE), transport)
+    state = check_state(model.body(RANK), *model.random_state(body=RANK), None)
+    method.solve(model.body(RANK), state, np.zeros(3), method.schedule(SIZE), transport)
     transport.flush()
     (program,) = transport.programs.values()
     steps = program.steps[program.steps[:, 0] == kernels.STEPS.index("start")]
     null = ctypes.string_at(MPI._addressof(MPI.REQUEST_NULL), MPI._sizeof(MPI.Request))
     ctypes.memmove(int(steps[0, 2]), null, len(null))
     try:
-        method.solve(chain.body(RANK), state, np.zeros(3), method.schedule(SIZE), transport)
+        method.solve(model.body(RANK), state, np.zeros(3), method.schedule(SIZE), transport)
         check(False)
     except MPI.Exception as error:
         check(error.Get_error_class() == MPI.ERR_REQUEST)

@@ -28,7 +28,7 @@ def world_for(controller):
     return simulation.poses
 
 
-with mp2a.DistributedChain(COMM, formation.chain, "sweep") as ranks:
+with mp2a.DistributedModel(COMM, formation.model, "sweep") as ranks:
     mine = Marchers(March(formation, PATH if RANK == 0 else None, OverRanks(ranks)), HUSKY)
     poses = []
     perform(COMM, mine, (lambda controller: poses.append(world_for(controller))) if RANK == 0 else None)
@@ -37,7 +37,7 @@ if RANK:
 parts = COMM.gather((np.array(mine.leaders), mine.events, mine.record))
 check(bool(mine.march.state.failed[0]) == (RANK == SIZE - 1))
 if RANK == 0:
-    whole = Marchers(March(formation, PATH, OneProcess(formation.chain, "sweep")), HUSKY)
+    whole = Marchers(March(formation, PATH, OneProcess(formation.model, "sweep")), HUSKY)
     expected = world_for(whole.step)
     check(np.abs(expected - poses[0]).max() < 1e-9)
     leaders = np.concatenate([part[0] for part in parts], axis=1)

@@ -15,13 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.chain import Chain
 from mp2a.exceptions import InputError
 from mp2a.formation import plane
 from mp2a.formation.choreography.leader import Leaders
 from mp2a.formation.choreography.program import MEET, SHAPE, Program
 from mp2a.formation.exchange import Exchange
 from mp2a.formation.plane import Motion, at_rest, beyond
+from mp2a.model import Model
 from mp2a.spatial import Array
 
 
@@ -57,9 +57,9 @@ def parts(program: Program) -> Parts:
     return Parts(leader.reshape(-1), first, places)
 
 
-def planar_chain(n: int) -> Chain:
-    """Chain of n bodies of 1 kg with planar joints; motion does not depend on the masses."""
-    return Chain.uniform(n, joint="planar", offset=(0.0, 0.0, 0.0), inertia=np.eye(3))
+def planar_chain(n: int) -> Model:
+    """Model of n bodies of 1 kg with planar joints; motion does not depend on the masses."""
+    return Model.uniform(n, joint="planar", offset=(0.0, 0.0, 0.0), inertia=np.eye(3))
 
 
 def tell(

@@ -67,7 +67,7 @@ class Adapter(NamedTuple):
     """Whether the robots' fixed frames may lie anywhere (``origin``); else they are the ground frame."""
 
     def make(self, order: Order) -> Made:
-        """Make the robots of this process; raises `InputError` or `MissingError` if one cannot be had."""
+        """Make the robots of this process; raises `InputError` or `DependencyError` if one cannot be had."""
         made: Made = importlib.import_module(self.module).make(order)
         return made
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mp2a.exceptions import InputError, MissingError
+from mp2a.exceptions import DependencyError, InputError
 from mp2a.robots.records.bag_topics import Topic
 
 
@@ -58,7 +58,7 @@ class BagReader:
     ------
     InputError
         If there is no such file, it cannot be read, or a topic is missing or of another type.
-    MissingError
+    DependencyError
         If rosbags is not installed.
     """
 
@@ -67,7 +67,7 @@ class BagReader:
             from rosbags.highlevel import AnyReader
             from rosbags.typesys import Stores, get_typestore
         except ImportError as error:
-            raise MissingError(f"a recording needs rosbags: pip install 'mp2a[record]' ({error})") from error
+            raise DependencyError(f"a recording needs rosbags: pip install 'mp2a[record]' ({error})") from error
         self.path = path
         try:
             # Bags of ROS 2 Humble and older in SQLite files do not hold the definitions of their messages.

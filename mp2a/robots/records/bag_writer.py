@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from mp2a.exceptions import MissingError
+from mp2a.exceptions import DependencyError
 from mp2a.formation.choreography.constants import HIGHEST, LOWEST
 from mp2a.robots.records.bag_topics import topics
 from mp2a.robots.steps import BEGINS, Step, events
@@ -39,7 +39,7 @@ class BagWriter:
 
     Raises
     ------
-    MissingError
+    DependencyError
         If rosbags is not installed.
     """
 
@@ -48,7 +48,7 @@ class BagWriter:
             from rosbags import rosbag1, rosbag2
             from rosbags.typesys import Stores, get_types_from_msg, get_typestore
         except ImportError as error:
-            raise MissingError(f"a bag needs rosbags: pip install 'mp2a[record]' ({error})") from error
+            raise DependencyError(f"a bag needs rosbags: pip install 'mp2a[record]' ({error})") from error
         self._role, self._interface, self._ros1 = role, interface, bag == "ros1"
         self._store = get_typestore(Stores.ROS1_NOETIC if self._ros1 else Stores.ROS2_HUMBLE)
         self._writer: Any

@@ -72,7 +72,7 @@ class RecordedRobot:
     ------
     InputError
         If the recording cannot be read, or does not hold what is needed.
-    MissingError
+    DependencyError
         If rosbags is not installed.
     """
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from mp2a.exceptions import InputError, MissingError
+from mp2a.exceptions import DependencyError, InputError
 from mp2a.robots.steps import Step
 from mp2a.robots.table import RobotInterface
 
@@ -56,7 +56,7 @@ class Recorder:
 
     Raises
     ------
-    InputError, MissingError
+    InputError, DependencyError
         If nothing can be written there, or rosbags is not installed.
     """
 
@@ -77,7 +77,7 @@ class Recorder:
             self._process.kill()
             self.close()
             kind, _, why = said.strip().partition(": ")
-            raise {"InputError": InputError, "MissingError": MissingError}.get(kind, RuntimeError)(
+            raise {"InputError": InputError, "DependencyError": DependencyError}.get(kind, RuntimeError)(
                 why or "--record: the process that writes does not start"
             )
         os.set_blocking(self._pipe, wait)

@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from mp2a.exceptions import InputError, MissingError
+from mp2a.exceptions import DependencyError, InputError
 from mp2a.robots.records.bag_writer import BagWriter, bag_path
 from mp2a.robots.records.recorder import NO_BAG, READY, Orders, Tick
 from mp2a.robots.steps import COLUMNS, Step, row
@@ -65,7 +65,7 @@ def prepare(orders: Orders) -> None:
     ------
     InputError
         If the folder cannot be written to, or has a record of a robot.
-    MissingError
+    DependencyError
         If rosbags is not installed.
     """
     if orders.bag != NO_BAG:
@@ -73,7 +73,7 @@ def prepare(orders: Orders) -> None:
             import rosbags.highlevel  # noqa: F401
         except ImportError as error:
             why = f"--record: bags need rosbags ({error}); pip install 'mp2a[record]', or --bag {NO_BAG}"
-            raise MissingError(why) from error
+            raise DependencyError(why) from error
     try:
         orders.folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

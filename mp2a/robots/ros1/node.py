@@ -4,7 +4,7 @@ import os
 import re
 from typing import Any
 
-from mp2a.exceptions import MissingError
+from mp2a.exceptions import DependencyError
 
 NO_ROS = (
     "ROS 1: {why}; on Debian: apt-get install ros-core python3-geometry-msgs python3-sensor-msgs python3-nav-msgs "
@@ -36,17 +36,17 @@ def connect(name: str) -> Any:
 
     Raises
     ------
-    MissingError
+    DependencyError
         If there is no rospy, or no ROS master answers.
     """
     try:
         import rosgraph
         import rospy
     except ImportError as error:
-        raise MissingError(NO_ROS.format(why=f"{error}")) from error
+        raise DependencyError(NO_ROS.format(why=f"{error}")) from error
     if not rosgraph.is_master_online():
         where = os.environ.get("ROS_MASTER_URI", "unset")
-        raise MissingError(f"ROS 1: no master answers at ROS_MASTER_URI ({where}); start one: rosmaster --core")
+        raise DependencyError(f"ROS 1: no master answers at ROS_MASTER_URI ({where}); start one: rosmaster --core")
     if not rospy.core.is_initialized():
         rospy.init_node(re.sub(r"\W", "_", f"mp2a_{name}"), anonymous=True, disable_signals=True)
     return rospy

@@ -5,7 +5,7 @@ import threading
 import time
 from typing import Any
 
-from mp2a.exceptions import MissingError
+from mp2a.exceptions import DependencyError
 from mp2a.robots.publishers import Settings
 from mp2a.robots.ros1.node import connect
 
@@ -20,7 +20,7 @@ class Ros1Publisher:
 
     Raises
     ------
-    MissingError
+    DependencyError
         If there is no ROS, no master, nobody listens to the command topic, or the mux cannot be asked.
     """
 
@@ -40,7 +40,7 @@ class Ros1Publisher:
         deadline = time.monotonic() + _CONNECT
         while self._publisher.get_num_connections() == 0:
             if time.monotonic() > deadline:
-                raise MissingError(f"ROS 1: nobody listens to {self._topic}; is the robot on?")
+                raise DependencyError(f"ROS 1: nobody listens to {self._topic}; is the robot on?")
             time.sleep(0.02)
         self._over = threading.Event()
         self._mux = self._ask_mux(settings["acquire"], settings["release"]) if settings["acquire"] else None
@@ -81,13 +81,13 @@ class Ros1Publisher:
                 f"ROS 1: {error}, which the mux at {acquire} needs; install the robot's nifti_teleop, or let the robot "
                 "ask: command_topic = '/private/nav/cmd_vel', acquire = '', release = ''"
             )
-            raise MissingError(message) from error
+            raise DependencyError(message) from error
         rospy = self._rospy
         for name in (acquire, release):
             try:
                 rospy.wait_for_service(name, _CONNECT)
             except rospy.ROSException as error:
-                raise MissingError(f"ROS 1: {error}; is the robot's mux on?") from error
+                raise DependencyError(f"ROS 1: {error}; is the robot's mux on?") from error
         ask, let_go = rospy.ServiceProxy(acquire, Acquire), rospy.ServiceProxy(release, Release)
 
         def quietly(service: Any, topic: str) -> None:

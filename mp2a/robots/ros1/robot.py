@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mp2a.exceptions import InputError, MissingError
+from mp2a.exceptions import DependencyError, InputError
 from mp2a.formation.choreography.obstacles import from_cloud
 from mp2a.robots.cloud import points as cloud_points
 from mp2a.robots.interface import NO_POSE, Sensed
@@ -40,7 +40,7 @@ class Ros1Robot:
     ------
     InputError
         If the pose is to come from stamped messages.
-    MissingError
+    DependencyError
         If there is no rospy, no master, or (armed) the watchdog cannot reach the robot.
     """
 
@@ -104,7 +104,7 @@ class Ros1Robot:
         except ImportError as error:
             if self._interface.pose != "tf":
                 return None
-            raise MissingError(NO_ROS.format(why=f"{error}")) from error
+            raise DependencyError(NO_ROS.format(why=f"{error}")) from error
         buffer = tf2_ros.Buffer(self._rospy.Duration(_TF_KEPT))
         self._listener = tf2_ros.TransformListener(buffer)
         return buffer

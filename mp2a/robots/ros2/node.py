@@ -3,7 +3,7 @@
 import os
 from typing import Any
 
-from mp2a.exceptions import MissingError
+from mp2a.exceptions import DependencyError
 
 _SECOND = 1_000_000_000
 _FAST_DDS = "1.15"
@@ -28,7 +28,7 @@ class Node:
 
     Raises
     ------
-    MissingError
+    DependencyError
         If cyclonedds is not installed, or its settings (``CYCLONEDDS_URI``) do not work here.
     """
 
@@ -37,16 +37,16 @@ class Node:
             from cyclonedds.core import DDSException
             from cyclonedds.domain import DomainParticipant
         except ImportError as error:
-            raise MissingError(f"ROS 2: {error}; pip install 'mp2a[ros2]'") from error
+            raise DependencyError(f"ROS 2: {error}; pip install 'mp2a[ros2]'") from error
         domain = os.environ.get("ROS_DOMAIN_ID", "0")
         if not domain.isdigit():
-            raise MissingError(f"ROS 2: ROS_DOMAIN_ID is {domain!r}, expected a whole number")
+            raise DependencyError(f"ROS 2: ROS_DOMAIN_ID is {domain!r}, expected a whole number")
         try:
             _set_up(int(domain))
             self._participant = DomainParticipant(int(domain))
         except (DDSException, UnicodeEncodeError) as error:
             why = f"({error}); are CYCLONEDDS_URI and ROS_DOMAIN_ID right?"
-            raise MissingError(f"ROS 2: DDS does not start {why}") from error
+            raise DependencyError(f"ROS 2: DDS does not start {why}") from error
 
     def writer(self, topic: str, kind: Any, kept: bool = False) -> Any:
         """Return a writer of a topic; ``writer.write(message)``. What is kept reaches those who come later, too."""

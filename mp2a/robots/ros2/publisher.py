@@ -2,7 +2,7 @@
 
 import time
 
-from mp2a.exceptions import MissingError
+from mp2a.exceptions import DependencyError
 from mp2a.robots.publishers import Settings
 from mp2a.robots.ros2.node import Node, take
 
@@ -15,13 +15,13 @@ class Ros2Publisher:
 
     Raises
     ------
-    MissingError
+    DependencyError
         If there is no cyclonedds, nobody listens to the command topic, or the robot has a mux of ROS 1.
     """
 
     def __init__(self, settings: Settings) -> None:
         if settings["acquire"]:
-            raise MissingError("ROS 2: acquire: got a service, expected none; muxes that must be asked are ROS 1's")
+            raise DependencyError("ROS 2: acquire: got a service, expected none; muxes that must be asked are ROS 1's")
         node = self._node = Node()
         from mp2a.robots.ros2.messages import Header, Time, Twist, TwistStamped, Vector3
 
@@ -35,7 +35,7 @@ class Ros2Publisher:
         deadline = time.monotonic() + _CONNECT
         while not self._writer.get_matched_subscriptions():
             if time.monotonic() > deadline:
-                raise MissingError(f"ROS 2: nobody listens to {topic}; is the robot on, and ROS_DOMAIN_ID the same?")
+                raise DependencyError(f"ROS 2: nobody listens to {topic}; is the robot on, and ROS_DOMAIN_ID the same?")
             time.sleep(0.02)
 
     def send(self, speed: float, turn_rate: float) -> None:

@@ -29,7 +29,7 @@ class Ros2Robot:
 
     Raises
     ------
-    MissingError
+    DependencyError
         If there is no cyclonedds, or (armed) the watchdog cannot reach the robot.
     """
 

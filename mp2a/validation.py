@@ -1,21 +1,21 @@
-"""What each robot works out on its own, before and after the exchanges: checked input, joint motion, torque."""
+"""Checked input of a dynamics call: shapes, finite numbers, unit quaternions, gravity."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mp2a.chain import Chain
 from mp2a.checks import array, numbers
 from mp2a.exceptions import InputError
-from mp2a.spatial import GRAVITY, Array, apply
+from mp2a.model import Model
+from mp2a.spatial import GRAVITY, Array
 
 _UNIT_TOLERANCE = 1e-6
 _EARTH = np.array(GRAVITY)
 _EARTH.flags.writeable = False
 
 
-class State(NamedTuple):
+class JointState(NamedTuple):
     """Checked input of one call, always with a sample axis."""
 
     q: Array
@@ -35,20 +35,7 @@ class State(NamedTuple):
         return len(self.q)
 
 
-class JointMotion(NamedTuple):
-    """What the joints alone do, for each body in its own frame."""
-
-    rotation: Array
-    """Body frame to parent frame, ``(n, T, 3, 3)``."""
-    translation: Array
-    """Body origin in the parent frame, ``(n, T, 3)``, m."""
-    velocity: Array
-    """``H q̇``, ``(n, T, 6)``."""
-    acceleration: Array
-    """``H q̈``, ``(n, T, 6)``."""
-
-
-def check_state(chain: Chain, q: ArrayLike, v: ArrayLike, a: ArrayLike, external: ArrayLike | None) -> State:
+def check_state(model: Model, q: ArrayLike, v: ArrayLike, a: ArrayLike, external: ArrayLike | None) -> JointState:
     """Check the arguments of an inverse-dynamics call and give each a sample axis.
 
     Raises
@@ -56,12 +43,12 @@ def check_state(chain: Chain, q: ArrayLike, v: ArrayLike, a: ArrayLike, external
     InputError
         Naming the argument, what was given and what was expected.
     """
-    state = check_shapes(chain, q, v, a, external)
-    check_values(chain, state)
+    state = check_shapes(model, q, v, a, external)
+    check_values(model, state)
     return state
 
 
-def check_shapes(chain: Chain, q: ArrayLike, v: ArrayLike, a: ArrayLike, external: ArrayLike | None) -> State:
+def check_shapes(model: Model, q: ArrayLike, v: ArrayLike, a: ArrayLike, external: ArrayLike | None) -> JointState:
     """Check the shapes of the arguments and give each a sample axis, whatever their numbers are.
 
     Raises
@@ -70,7 +57,7 @@ def check_shapes(chain: Chain, q: ArrayLike, v: ArrayLike, a: ArrayLike, externa
         Naming the argument, what was given and what was expected.
     """
     arrays = {"q": numbers("q", q), "v": numbers("v", v), "a": numbers("a", a)}
-    for (name, given), width in zip(arrays.items(), (chain.nq, chain.nv, chain.nv), strict=True):
+    for (name, given), width in zip(arrays.items(), (model.nq, model.nv, model.nv), strict=True):
         if given.ndim not in (1, 2) or given.shape[-1] != width:
             raise InputError(f"{name}: got shape {given.shape}, expected ({width},) or (T, {width})")
     if not arrays["q"].shape[:-1] == arrays["v"].shape[:-1] == arrays["a"].shape[:-1]:
@@ -82,11 +69,11 @@ def check_shapes(chain: Chain, q: ArrayLike, v: ArrayLike, a: ArrayLike, externa
     if samples == 0:
         raise InputError("q, v, a: got no sample (T = 0), expected at least one")
     columns = {name: array.reshape(samples, array.shape[-1]) for name, array in arrays.items()}
-    forces = None if external is None else _check_external(len(chain), samples, single, external)
-    return State(columns["q"], columns["v"], columns["a"], forces, single)
+    forces = None if external is None else _check_external(len(model), samples, single, external)
+    return JointState(columns["q"], columns["v"], columns["a"], forces, single)
 
 
-def check_values(chain: Chain, state: State) -> None:
+def check_values(model: Model, state: JointState) -> None:
     """Check that all numbers are finite and that quaternions, cosines and sines are of length 1.
 
     Raises
@@ -94,8 +81,8 @@ def check_values(chain: Chain, state: State) -> None:
     InputError
         Naming the argument, what was given and what was expected.
     """
-    _check_finite(chain, {"q": state.q, "v": state.v, "a": state.a})
-    _check_units(chain, state.q)
+    _check_finite(model, {"q": state.q, "v": state.v, "a": state.a})
+    _check_units(model, state.q)
     if state.external is not None and not np.isfinite(state.external).all():
         body, sample, column = (int(k) for k in np.argwhere(~np.isfinite(state.external))[0])
         raise InputError(
@@ -104,51 +91,25 @@ def check_values(chain: Chain, state: State) -> None:
         )
 
 
-def joint_motion(chain: Chain, state: State) -> JointMotion:
-    """Place every body in its parent and project the joint's rates into its frame, a joint type at a time."""
-    n, samples = len(chain), state.samples
-    rotation, translation = np.empty((n, samples, 3, 3)), np.empty((n, samples, 3))
-    velocity, acceleration = np.empty((n, samples, 6)), np.empty((n, samples, 6))
-    for group in chain.groups:
-        at = group.bodies
-        turn, shift = group.joint.place(group.axes, state.q[:, group.q_columns].swapaxes(0, 1))
-        placement = chain.rotations[at, None]
-        rotation[at] = placement @ turn
-        translation[at] = chain.translations[at, None] + apply(placement, shift)
-        subspace = group.subspace[:, None]
-        velocity[at] = apply(subspace, state.v[:, group.v_columns].swapaxes(0, 1))
-        acceleration[at] = apply(subspace, state.a[:, group.v_columns].swapaxes(0, 1))
-    return JointMotion(rotation, translation, velocity, acceleration)
-
-
-def joint_torque(chain: Chain, force: Array) -> Array:
-    """Project body forces ``(n, T, 6)`` on the joints: ``τ = Hᵀ F``, ``(T, nv)`` (paper, after eq. 6)."""
-    torque = np.empty((force.shape[1], chain.nv))
-    for group in chain.groups:
-        projected = np.einsum("kij,kti->tkj", group.subspace, force[group.bodies])
-        torque[:, group.v_columns] = projected
-    return torque
-
-
 def check_gravity(gravity: ArrayLike) -> Array:
     """Check the gravity field, ``(3,)`` m/s² in the base frame."""
     return _EARTH if gravity is GRAVITY else array("gravity", gravity, (3,))
 
 
-def _check_finite(chain: Chain, columns: dict[str, Array]) -> None:
+def _check_finite(model: Model, columns: dict[str, Array]) -> None:
     for name, values in columns.items():
         if not np.isfinite(values).all():
             sample, column = (int(k) for k in np.argwhere(~np.isfinite(values))[0])
-            starts = chain.q_starts if name == "q" else chain.v_starts
+            starts = model.q_starts if name == "q" else model.v_starts
             body = int(np.searchsorted(starts, column, side="right")) - 1
             raise InputError(
                 f"{name}: got {values[sample, column]} in sample {sample}, column {column} "
-                f"(joint {chain.names[body]!r}), expected finite numbers"
+                f"(joint {model.names[body]!r}), expected finite numbers"
             )
 
 
-def _check_units(chain: Chain, q: Array) -> None:
-    for group in chain.groups:
+def _check_units(model: Model, q: Array) -> None:
+    for group in model.groups:
         if group.joint.unit is None:
             continue
         length = np.linalg.norm(q[:, group.q_columns[:, group.joint.unit]], axis=-1)
@@ -158,7 +119,7 @@ def _check_units(chain: Chain, q: Array) -> None:
             part = "quaternion" if group.joint.unit.stop - group.joint.unit.start == 4 else "cosine and sine"
             raise InputError(
                 f"q: got a {part} of length {length[sample, k]:.9g} for {group.joint.name} joint "
-                f"{chain.names[group.bodies[k]]!r} in sample {sample}, expected length 1"
+                f"{model.names[group.bodies[k]]!r} in sample {sample}, expected length 1"
             )
 
 

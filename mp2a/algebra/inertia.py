@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mp2a.segments import motion
+from mp2a.algebra import motion
 from mp2a.spatial import Array, apply, cross, force_to_parent, skew, transpose
 
 DOUBLES = 28
@@ -28,7 +28,7 @@ _FULL = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
 """The six numbers' places in the nine of the matrix."""
 
 
-class Load(NamedTuple):
+class CompositeInertia(NamedTuple):
     """Parts of a segment ``(..., 28)``, about one origin; the matrices are copies, the rest views."""
 
     mass: Array
@@ -47,9 +47,9 @@ class Load(NamedTuple):
     """P, ``(..., 3)``, kg m/s"""
 
 
-def view(segment: Array) -> Load:
+def view(segment: Array) -> CompositeInertia:
     """Name the parts of a segment."""
-    return Load(
+    return CompositeInertia(
         segment[..., 0],
         segment[..., 1:4],
         _matrix(segment[..., 4:10]),
@@ -60,7 +60,7 @@ def view(segment: Array) -> Load:
     )
 
 
-def leaf(mass: Array, com: Array, inertia: Array, external: Array | None, samples: int) -> Array:
+def from_body(mass: Array, com: Array, inertia: Array, external: Array | None, samples: int) -> Array:
     """Segments of single bodies, ``(n, T, 28)``: their inertia, less what pushes them.
 
     Parameters
@@ -94,7 +94,7 @@ def force(segment: Array, velocity: Array, acceleration: Array) -> Array:
     return _force(view(segment), velocity, acceleration)
 
 
-def move(segment: Array, path: Array) -> Array:
+def transform(segment: Array, path: Array) -> Array:
     """Carry segments across paths, to the bodies at the paths' upper ends.
 
     Parameters
@@ -102,7 +102,7 @@ def move(segment: Array, path: Array) -> Array:
     segment
         ``(..., 28)`` about the lower body's origin.
     path
-        ``(..., 24)``, see `mp2a.segments.motion`.
+        ``(..., 24)``, see `mp2a.algebra.motion`.
     """
     load, across = view(segment), motion.view(path)
     w, v = across.velocity[..., :3], across.velocity[..., 3:]
@@ -129,7 +129,7 @@ def move(segment: Array, path: Array) -> Array:
     return out
 
 
-def _force(load: Load, velocity: Array, acceleration: Array) -> Array:
+def _force(load: CompositeInertia, velocity: Array, acceleration: Array) -> Array:
     w, v = velocity[..., :3], velocity[..., 3:]
     dw, a = acceleration[..., :3], acceleration[..., 3:]
     m, h = load.mass[..., None], load.moment

@@ -5,10 +5,11 @@ from helpers import ALL_JOINTS, relative_error
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mp2a import Chain
-from mp2a.leaf import check_state, joint_motion
-from mp2a.segments import affine, load, motion
+from mp2a import Model
+from mp2a.algebra import affine, inertia, motion
+from mp2a.joint_kinematics import joint_motion
 from mp2a.spatial import body_force, force_to_parent, motion_to_child, spatial_to_classical
+from mp2a.validation import check_state
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -64,19 +65,19 @@ def test_affine_results_go_where_they_are_wanted(samples, seed):
 
 def paths(seed, *lead):
     """Random motion across joints, with true rotations."""
-    chain = Chain.random(max(int(np.prod(lead)), 1), seed, ALL_JOINTS)
-    joints = joint_motion(chain, check_state(chain, *chain.random_state(1, seed), None))
-    segment = motion.leaf(joints).reshape(*lead, motion.DOUBLES)
+    model = Model.random(max(int(np.prod(lead)), 1), seed, ALL_JOINTS)
+    joints = joint_motion(model, check_state(model, *model.random_state(1, seed), None))
+    segment = motion.from_joint(joints).reshape(*lead, motion.DOUBLES)
     segment[..., 12:] = np.random.default_rng(seed).normal(size=(*lead, 12))
     return segment
 
 
 def bodies(seed, *lead):
     """Random single bodies, as loads."""
-    chain = Chain.random(max(int(np.prod(lead)), 1), seed)
-    forces = np.random.default_rng(seed).normal(size=(len(chain), 1, 6))
-    out = load.leaf(chain.masses, chain.coms, chain.origin_inertias, forces, 1)
-    return out.reshape(*lead, load.DOUBLES)
+    model = Model.random(max(int(np.prod(lead)), 1), seed)
+    forces = np.random.default_rng(seed).normal(size=(len(model), 1, 6))
+    out = inertia.from_body(model.masses, model.coms, model.origin_inertias, forces, 1)
+    return out.reshape(*lead, inertia.DOUBLES)
 
 
 def carried_on(path, velocity, acceleration):
@@ -115,32 +116,34 @@ def test_a_path_of_no_length_changes_nothing():
 
 @given(seeds)
 def test_a_single_bodys_load_is_the_force_that_moves_it(seed):
-    chain = Chain.random(4, seed)
+    model = Model.random(4, seed)
     velocity, acceleration = np.random.default_rng(seed).normal(size=(2, 4, 1, 6))
-    segment = load.leaf(chain.masses, chain.coms, chain.origin_inertias, None, 1)
-    mass, com = chain.masses[:, None], chain.coms[:, None]
+    segment = inertia.from_body(model.masses, model.coms, model.origin_inertias, None, 1)
+    mass, com = model.masses[:, None], model.coms[:, None]
     classical = spatial_to_classical(acceleration, velocity)
-    expected = body_force(mass, com, chain.origin_inertias[:, None], velocity, classical)
-    assert relative_error(load.force(segment, velocity, acceleration), expected) < 1e-13
+    expected = body_force(mass, com, model.origin_inertias[:, None], velocity, classical)
+    assert relative_error(inertia.force(segment, velocity, acceleration), expected) < 1e-13
 
 
 @given(seeds)
 def test_a_moved_load_presses_as_it_does_at_its_place(seed):
     """Whatever the upper body does: the force of the load at its own place, carried back across the path."""
     path, segment = paths(seed, 3), bodies(seed, 3)
-    segment = segment + load.move(bodies(seed + 1, 3), paths(seed + 1, 3))  # of bodies that move against each other
+    segment = segment + inertia.transform(
+        bodies(seed + 1, 3), paths(seed + 1, 3)
+    )  # of bodies that move against each other
     upper = np.random.default_rng(seed).normal(size=(2, 3, 6))
     across = motion.view(path)
-    at_place = load.force(segment, *carried_on(path, *upper))
+    at_place = inertia.force(segment, *carried_on(path, *upper))
     expected = force_to_parent(across.rotation, across.translation, at_place)
-    assert relative_error(load.force(load.move(segment, path), *upper), expected) < 1e-12
+    assert relative_error(inertia.force(inertia.transform(segment, path), *upper), expected) < 1e-12
 
 
 @given(seeds)
 def test_moving_goes_along_with_composing_and_adding(seed):
     upper, lower = paths(seed, 2, 3)
     one, two = bodies(seed, 2, 3)
-    step_by_step = load.move(load.move(one, lower), upper)
-    assert relative_error(load.move(one, motion.compose(upper, lower)), step_by_step) < 1e-12
-    together = load.move(one + two, lower)
-    assert relative_error(load.move(one, lower) + load.move(two, lower), together) < 1e-13
+    step_by_step = inertia.transform(inertia.transform(one, lower), upper)
+    assert relative_error(inertia.transform(one, motion.compose(upper, lower)), step_by_step) < 1e-12
+    together = inertia.transform(one + two, lower)
+    assert relative_error(inertia.transform(one, lower) + inertia.transform(two, lower), together) < 1e-13

@@ -13,13 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mp2a.leaf import JointMotion
+from mp2a.joint_kinematics import JointMotion
 from mp2a.spatial import Array, apply, cross, motion_to_child
 
 DOUBLES = 24
 
 
-class Motion(NamedTuple):
+class RelativeMotion(NamedTuple):
     """Parts of a segment ``(..., 24)``, as views of it."""
 
     rotation: Array
@@ -32,13 +32,13 @@ class Motion(NamedTuple):
     """a, ``(..., 6)``"""
 
 
-def view(segment: Array) -> Motion:
+def view(segment: Array) -> RelativeMotion:
     """Name the parts of a segment."""
     rotation = segment[..., :9].reshape(*segment.shape[:-1], 3, 3)
-    return Motion(rotation, segment[..., 9:12], segment[..., 12:18], segment[..., 18:24])
+    return RelativeMotion(rotation, segment[..., 9:12], segment[..., 12:18], segment[..., 18:24])
 
 
-def leaf(joint: JointMotion) -> Array:
+def from_joint(joint: JointMotion) -> Array:
     """Segment from a body's parent to the body, ``(n, T, 24)``: X and H q̇, H q̈ of its own joint."""
     flat = joint.rotation.reshape(*joint.rotation.shape[:-2], 9)
     return np.concatenate((flat, joint.translation, joint.velocity, joint.acceleration), axis=-1)

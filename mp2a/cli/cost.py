@@ -1,4 +1,4 @@
-"""``mp2a model``: the paper's cost model."""
+"""``mp2a cost``: the paper's cost model."""
 
 import argparse
 from typing import TYPE_CHECKING, Any
@@ -13,11 +13,11 @@ def add(commands: Any) -> None:
     """Add the subcommand."""
     parser = command(
         commands,
-        "model",
-        _model,
+        "cost",
+        _cost,
         "Work out the paper's cost model (eq. 11-13, Table I) for chosen constants.",
-        "  mp2a model --n 8,64,512 --serial-time 6.4 --latency 1e-7 --speed 1e9\n"
-        "  mp2a model --n 512 --bits 2                as eq. 13 is printed",
+        "  mp2a cost --n 8,64,512 --serial-time 6.4 --latency 1e-7 --speed 1e9\n"
+        "  mp2a cost --n 512 --bits 2                as eq. 13 is printed",
     )
     parser.add_argument("--n", type=ranks, default=[512], metavar="N,N,…", help="numbers of robots (default: 512)")
     parser.add_argument("--samples", type=positive, default=2000, help="p_t, sample points (default: 2000)")
@@ -25,14 +25,14 @@ def add(commands: Any) -> None:
     parser.set_defaults(serial_time=6.4, latency=1e-6, speed=1e9)
 
 
-def _model(options: argparse.Namespace) -> None:
+def _cost(options: argparse.Namespace) -> None:
     from rich import box
     from rich.console import Console
     from rich.table import Table
 
-    from mp2a import model
+    from mp2a import cost_model
 
-    network = model.Network(options.serial_time, options.latency, options.speed, options.bits)
+    network = cost_model.Network(options.serial_time, options.latency, options.speed, options.bits)
     out = Table(
         title=f"modelled: T_s = {network.serial_time:g} s, L_a = {network.latency:g} s, "
         f"N_TS = {network.speed:g} bit/s, p_t = {options.samples}, {network.bits:g} bits a number",
@@ -42,13 +42,13 @@ def _model(options: argparse.Namespace) -> None:
     for heading in ("n", "counts", "D_v", "D_mv", "D_C", "D_T (12)", "T_p (11), s", "T (13), s", "T_s / T"):
         out.add_column(heading, justify="left" if heading == "counts" else "right")
     for n in options.n:
-        for label, count in model.COUNTS.items():
+        for label, count in cost_model.COUNTS.items():
             messages = count(n)
-            total = model.total_time(n, options.samples, messages, network)
+            total = cost_model.total_time(n, options.samples, messages, network)
             out.add_row(
                 *(str(x) for x in (n, label, messages.vectors, messages.matrices, messages.total)),
-                str(model.numbers_sent(n, messages)),
-                f"{model.parallel_time(n, messages, network):.4g}",
+                str(cost_model.numbers_sent(n, messages)),
+                f"{cost_model.parallel_time(n, messages, network):.4g}",
                 f"{total:.4g}",
                 f"{network.serial_time / total:.3g}" if total else "-",
             )

@@ -13,7 +13,7 @@ _LANES = 8
 """Samples that a core works on at once: with fewer, splitting them further gains nothing."""
 
 
-class Arrangement:
+class ProcessGrid:
     """A communicator as a table: the ranks of a row hold one chain together, and the rows share the samples.
 
     Samples need no messages, a chain does, and three times the arithmetic as well: split the samples first, and the
@@ -26,7 +26,7 @@ class Arrangement:
     ----------
     comm
         All ranks.
-    along_chain
+    chain_ranks
         How many ranks share a chain; it divides the number of ranks. None: as few as leave each row enough samples to
         fill its vectors.
     samples
@@ -34,40 +34,40 @@ class Arrangement:
 
     Attributes
     ----------
-    chain
-        Communicator of this rank's row, for `mp2a.DistributedChain`.
+    chain_comm
+        Communicator of this rank's row, for `mp2a.DistributedModel`.
     row, rows
         Which row this is, and how many there are.
-    mine
+    local_slice
         The row's samples, a slice of the trajectory's; rows differ by one sample at most.
 
     Raises
     ------
     InputError
-        On every rank: if ``along_chain`` does not divide the number of ranks, there are fewer samples than rows, or
+        On every rank: if ``chain_ranks`` does not divide the number of ranks, there are fewer samples than rows, or
         ranks differ in what they ask for.
 
     Examples
     --------
     Under ``mpirun -n 8``, two ranks a chain and four rows::
 
-        with mp2a.Arrangement(MPI.COMM_WORLD, along_chain=2, samples=len(q)) as table:
-            with mp2a.DistributedChain(table.chain, chain) as part:
-                mine, columns = table.mine, part.v_columns
-                result = part.rnea(q[mine, part.q_columns], v[mine, columns], a[mine, columns])
+        with mp2a.ProcessGrid(MPI.COMM_WORLD, chain_ranks=2, samples=len(q)) as grid:
+            with mp2a.DistributedModel(grid.chain_comm, chain) as part:
+                samples, columns = grid.local_slice, part.v_columns
+                result = part.rnea(q[samples, part.q_columns], v[samples, columns], a[samples, columns])
     """
 
-    def __init__(self, comm: MPI.Intracomm, along_chain: int | None = None, *, samples: int) -> None:
+    def __init__(self, comm: MPI.Intracomm, chain_ranks: int | None = None, *, samples: int) -> None:
         if not isinstance(comm, MPI.Intracomm) or comm == MPI.COMM_NULL:
             raise InputError(f"comm: got {type(comm).__name__}, expected an mpi4py intra-communicator")
-        self.chain = MPI.COMM_NULL
+        self.chain_comm = MPI.COMM_NULL
         error: InputError | None = None
         ranks, along = comm.Get_size(), 0
         try:
             count("samples", samples)
-            along = ranks_along_chain(ranks, samples) if along_chain is None else count("along_chain", along_chain)
+            along = ranks_per_chain(ranks, samples) if chain_ranks is None else count("chain_ranks", chain_ranks)
             if ranks % along:
-                raise InputError(f"along_chain: got {along} for {ranks} ranks, expected a divisor of that number")
+                raise InputError(f"chain_ranks: got {along} for {ranks} ranks, expected a divisor of that number")
             if samples < ranks // along:
                 raise InputError(f"samples: got {samples} for {ranks // along} rows, expected at least one a row")
         except InputError as wrong:
@@ -76,17 +76,17 @@ class Arrangement:
         asked = np.array([along, samples, -along, -samples])
         comm.Allreduce(MPI.IN_PLACE, asked, MPI.MAX)
         if (asked[:2] != -asked[2:]).any():
-            raise InputError("along_chain, samples: differ between ranks, expected the same on every rank")
+            raise InputError("chain_ranks, samples: differ between ranks, expected the same on every rank")
         self.rows, self.row = ranks // along, comm.Get_rank() // along
-        self.mine = slice(samples * self.row // self.rows, samples * (self.row + 1) // self.rows)
-        self.chain = comm.Split(self.row, comm.Get_rank())
+        self.local_slice = slice(samples * self.row // self.rows, samples * (self.row + 1) // self.rows)
+        self.chain_comm = comm.Split(self.row, comm.Get_rank())
 
     def close(self) -> None:
         """Free the row's communicator; collective. Closing twice does nothing."""
-        if self.chain != MPI.COMM_NULL:
-            self.chain.Free()
+        if self.chain_comm != MPI.COMM_NULL:
+            self.chain_comm.Free()
 
-    def __enter__(self) -> "Arrangement":
+    def __enter__(self) -> "ProcessGrid":
         return self
 
     def __exit__(
@@ -95,7 +95,7 @@ class Arrangement:
         self.close()
 
 
-def ranks_along_chain(ranks: int, samples: int) -> int:
+def ranks_per_chain(ranks: int, samples: int) -> int:
     """Return how many ranks should share a chain: as few as leave each row samples enough to fill its vectors.
 
     Parameters
