@@ -35,15 +35,15 @@ wrong_ranks = sorted({0, SIZE // 2, SIZE - 1})
 # Making a formation.
 make = mp2a.DistributedModel
 for bad in wrong_ranks:
-    same_error([f"rank {bad}", "chain", "NoneType"], make, COMM, on(bad, None, model))
+    same_error([f"rank {bad}", "model", "NoneType"], make, COMM, on(bad, None, model))
     same_error([f"rank {bad}", "method", "magic"], make, COMM, model, on(bad, "magic", "kogge-stone"))
     same_error([f"rank {bad}", "gravity: got shape (1,)"], make, COMM, model, gravity=on(bad, [1.0], [0, 0, -9.81]))
     same_error([f"rank {bad}", "counts", "sum"], make, COMM, model, counts=on(bad, [2] * SIZE, [1] * SIZE))
     if SIZE > 1:
-        same_error(["chain", "same on every rank"], make, COMM, on(bad, longer, model))
+        same_error(["model", "same on every rank"], make, COMM, on(bad, longer, model))
         few = on(bad, mp2a.Model.random(SIZE - 1), model)
         same_error([f"rank {bad}", f"{SIZE - 1} bodies", f"{SIZE} ranks"], make, COMM, few)
-        same_error(["chain", "same on every rank"], make, COMM, on(bad, other, model))
+        same_error(["model", "same on every rank"], make, COMM, on(bad, other, model))
         same_error(["gravity", "same on every rank"], make, COMM, model, gravity=on(bad, (0, 0, -1.0), (0, 0, -2.0)))
 
 # Blocks: counts that are no counts, do not fit, or differ between ranks; more ranks than robots; a tree.
