@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mp2a import cores, kernels
-from mp2a.kernels.library import Run
+from mp2a.kernels.library import Kernel
 from mp2a.kernels.model_cache import ModelCache
 from mp2a.kernels.tables import NUMBER_FORMATS, KernelJob, ModelTables, NumberFormat, make_tables
 from mp2a.kernels.thread_pool import THREAD_POOL
@@ -167,7 +167,7 @@ def _input(state: JointState, form: NumberFormat) -> _Input:
 
 
 def _run(
-    run: Run, model: Model, given: _Input, ends: tuple[int, ...], results: tuple[int, ...], form: NumberFormat,
+    run: Kernel, model: Model, given: _Input, ends: tuple[int, ...], results: tuple[int, ...], form: NumberFormat,
     threads: int | None, *, bodies: bool,
 ) -> bool:  # fmt: skip
     """Run a kernel in some threads; tells whether all samples are valid."""
