@@ -5,18 +5,17 @@ from typing import Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
-from mp2a import schedule
 from mp2a.algebra import motion
 from mp2a.checks import count
 from mp2a.exceptions import InputError
-from mp2a.joint_kinematics import joint_motion
+from mp2a.joint_kinematics import joint_torque
 from mp2a.kernels.plan import FORMATS
-from mp2a.methods import METHODS, InverseDynamics
-from mp2a.methods.compact import outwards
+from mp2a.methods import METHODS
+from mp2a.methods.local import paths_from_base, solve
 from mp2a.model import Model
 from mp2a.recursion import recursion
+from mp2a.results import InverseDynamics
 from mp2a.spatial import GRAVITY, Array
-from mp2a.transport.local import LocalTransport
 from mp2a.validation import check_gravity, check_shapes, check_state, check_values
 
 
@@ -126,9 +125,8 @@ def rnea(
         found = recursion(model, state, base, bodies=bodies, threads=threads, dtype=form, out=target, rows=rows)
         return _report(found.torque, found.bodies, state.single)
     check_values(model, state)
-    chosen = METHODS[method]
-    made = chosen.solve(model, state, field, chosen.schedule(model.parents), LocalTransport(len(model)))
-    torque = made.torque.astype(form, copy=False)
+    made, _ = solve(METHODS[method], model, state, field)
+    torque = joint_torque(model, made.force).astype(form, copy=False)
     if target is not None:
         target[...] = torque
         torque = target
@@ -136,10 +134,10 @@ def rnea(
         torque = torque[0]
     if not bodies:
         return torque
-    names = ("velocity", "acceleration", "force", "rotation", "position")
-    outside = {name: getattr(made, name) for name in names if getattr(made, name) is not None}
-    parts = {name: _samples_first(x, state.single).astype(form, copy=False) for name, x in outside.items()}
-    return InverseDynamics(torque=torque, **parts)
+    whole = motion.view(paths_from_base(model, state) if made.path is None else made.path)
+    arrays = made.velocity, made.acceleration, made.force, whole.rotation, whole.translation
+    v, a, force, rotation, position = (_samples_first(x, state.single).astype(form, copy=False) for x in arrays)
+    return InverseDynamics(v, a, force, torque, rotation, position)
 
 
 def placements(model: Model, q: ArrayLike) -> tuple[Array, Array]:
@@ -165,8 +163,7 @@ def placements(model: Model, q: ArrayLike) -> tuple[Array, Array]:
     """
     still = np.zeros((*np.shape(q)[:-1], model.nv))
     state = check_state(model, q, still, still, None)
-    path = motion.from_joint(joint_motion(model, state))
-    whole = motion.view(outwards(path, schedule.motion(model.parents), LocalTransport(len(model))))
+    whole = motion.view(paths_from_base(model, state))
     rotation, position = (_samples_first(x, state.single) for x in (whole.rotation, whole.translation))
     return rotation, position
 

@@ -7,3 +7,7 @@ class InputError(ValueError):
 
 class DependencyError(RuntimeError):
     """Something this call needs is not on the machine: the message says what, and how to get it."""
+
+
+class RankError(RuntimeError):
+    """Something went wrong on one rank in the middle of what all do together: the message says which rank, and what."""

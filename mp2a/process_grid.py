@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 from mp2a.checks import count
 from mp2a.exceptions import InputError
-from mp2a.transport.mpi import raise_together
+from mp2a.transport.agreement import raise_together
 
 _LANES = 8
 """Samples that a core works on at once: with fewer, splitting them further gains nothing."""

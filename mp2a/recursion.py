@@ -23,7 +23,7 @@ class Found(NamedTuple):
     """``(T, nv)``, N m and N."""
     bodies: Array | None
     """Velocity, acceleration and force of each body, ``(T, n, 18)``, if asked for; as
-    `mp2a.methods.result.InverseDynamics` describes them."""
+    `mp2a.results.InverseDynamics` describes them."""
     root: Array
     """Wrench that the chain puts on its base, ``(6, T)``, in the base's frame and about its origin, N m and N."""
 

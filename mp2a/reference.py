@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from mp2a.cores import available_memory
 from mp2a.exceptions import DependencyError
-from mp2a.methods.result import InverseDynamics
 from mp2a.model import Model
+from mp2a.results import InverseDynamics
 from mp2a.spatial import GRAVITY, Array, spatial_to_classical, to_linear_first
 from mp2a.validation import check_gravity, check_state
 

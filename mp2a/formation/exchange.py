@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from mp2a.dynamics import placements, rnea
 from mp2a.exceptions import InputError
 from mp2a.formation.plane import Motion, coordinates
-from mp2a.methods.result import InverseDynamics
 from mp2a.model import Model
+from mp2a.results import InverseDynamics
 from mp2a.spatial import Array
 
 

@@ -28,10 +28,11 @@ void mp2a_move(integer, double **, double **, double **);
 void mp2a_carry(integer, double **, double **, double **);
 int sched_yield(void);
 
-static void add(integer count, double *out, const double *part)
+/* out = a + b; out may be either of them. */
+static void add(integer count, double *out, const double *a, const double *b)
 {
     for (integer i = 0; i < count; i++)
-        out[i] += part[i];
+        out[i] = a[i] + b[i];
 }
 
 /* out = a b, 6x6 matrices; out is neither of them. */
@@ -84,7 +85,7 @@ integer mp2a_rounds(const struct program *program, integer first, integer last)
         case COMPOSE: mp2a_compose(step->count, a, a + 1, a + 2); break;
         case MOVE: mp2a_move(step->count, a, a + 1, a + 2); break;
         case CARRY: mp2a_carry(step->count, a, a + 1, a + 2); break;
-        case ADD: add(step->count, a[0], a[1]); break;
+        case ADD: add(step->count, a[0], a[1], a[2]); break;
         case PRODUCT: product(step->count, a[0], a[1], a[2]); break;
         case PUSH: push(step->count, a[0], a[1], a[2], a[3]); break;
         }
