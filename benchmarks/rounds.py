@@ -57,12 +57,12 @@ def seconds(run: Run) -> float:
 
 def ours(name: str, after: ExitStack) -> dict[str, Run]:
     """Repeat every round of a method many times."""
+    from mp2a.transport.interpreter import interpret
     from mpi4py import MPI
 
     from mp2a import Model
     from mp2a.methods import METHODS
     from mp2a.schedule import Round, Schedule
-    from mp2a.transport.interpreter import interpret
     from mp2a.transport.link import MPILink
     from mp2a.transport.mpi import MPITransport
     from mp2a.validation import check_state

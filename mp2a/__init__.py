@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from mp2a.dynamics import rnea as rnea
     from mp2a.exceptions import DependencyError as DependencyError
     from mp2a.exceptions import InputError as InputError
+    from mp2a.exceptions import RankError as RankError
     from mp2a.model import Model as Model
     from mp2a.network import EmulatedNetwork as EmulatedNetwork
     from mp2a.process_grid import ProcessGrid as ProcessGrid
@@ -21,6 +22,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "ProcessGrid": "mp2a.process_grid",
+    "RankError": "mp2a.exceptions",
     "Model": "mp2a.model",
     "DistributedModel": "mp2a.distributed",
     "EmulatedNetwork": "mp2a.network",

@@ -72,7 +72,8 @@ class Block:
             base=base,
             no_force=lambda: recorder.input("no_force", 6),
         )
-        return recorder.program(method.scan(own, recorder)._asdict())
+        scan = method.scan(own, recorder)
+        return recorder.program((scan if self.rest else scan._replace(distal_force=NOTHING))._asdict())
 
     def record_motion(self, schedule: Schedule) -> Program:
         """Record the rounds of motion alone; its output is ``path``."""

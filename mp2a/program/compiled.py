@@ -178,6 +178,8 @@ class CompiledProgram:
             sending.append(self._request(self._comm.Send_init, data, message.partner))
             sent.append((message.kind, data.size))
         self._sent.append(sent)
+        if not receiving and not sending:
+            return
         self._messages("start", [*(r.request for r in receiving), *sending])
         self._await(receiving)
         self._in_flight = sending

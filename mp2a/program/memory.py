@@ -140,7 +140,7 @@ def _lives(program: Program, groups: Sequence[tuple[int, ...]]) -> tuple[dict[in
         if isinstance(instruction, Compute):
             first.update(dict.fromkeys(instruction.outputs, k))
             last.update(dict.fromkeys(_touched(instruction), k))
-        else:
+        elif instruction.sends or instruction.receives:
             last.update(dict.fromkeys(in_flight, k))
             in_flight = [number for message in instruction.sends for number in message.values]
             first.update((number, k) for message in instruction.receives for number in message.values)

@@ -31,7 +31,7 @@ class Message(NamedTuple):
 
 
 class Communicate(NamedTuple):
-    """Send and receive in a round."""
+    """Send and receive in a round, if there is anything for this rank in it."""
 
     round: Round
     sends: tuple[Message, ...]
@@ -112,8 +112,7 @@ class Recorder:
                 receives.append(Message(kind, int(partner), tuple(value.number for value in values.values())))
                 for name, value in values.items():
                     arrivals[name].append(value)
-        if sends or receives:
-            self._instructions.append(Communicate(round_, tuple(sends), tuple(receives)))
+        self._instructions.append(Communicate(round_, tuple(sends), tuple(receives)))
         return tuple(_sum(values) for values in arrivals.values())
 
     def program(self, outputs: Mapping[str, Any]) -> Program:
