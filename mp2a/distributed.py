@@ -7,7 +7,6 @@ from types import TracebackType
 from typing import Literal, overload
 
 import numpy as np
-from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from mp2a import schedule as schedules
@@ -19,6 +18,7 @@ from mp2a.methods.auto import AUTO
 from mp2a.methods.block import Block, cut
 from mp2a.methods.values import record_broadcast, record_to_children
 from mp2a.model import Model
+from mp2a.mpi import MPI
 from mp2a.network import EmulatedNetwork
 from mp2a.program.calls import Call, Calls, Prepared
 from mp2a.program.operations import NOTHING

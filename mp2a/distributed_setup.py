@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from mp2a.checks import array, count
@@ -17,6 +16,7 @@ from mp2a.methods import METHODS
 from mp2a.methods.auto import AUTO, Choice, choose
 from mp2a.methods.block import even_counts
 from mp2a.model import Model
+from mp2a.mpi import MPI
 from mp2a.network import EmulatedNetwork
 from mp2a.schedule import Formation
 from mp2a.spatial import Array

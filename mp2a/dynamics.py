@@ -9,7 +9,7 @@ from mp2a.algebra import motion
 from mp2a.checks import count
 from mp2a.exceptions import InputError
 from mp2a.joint_kinematics import joint_torque
-from mp2a.kernels.plan import FORMATS
+from mp2a.kernels.tables import NUMBER_FORMATS
 from mp2a.methods import METHODS
 from mp2a.methods.local import paths_from_base, solve
 from mp2a.model import Model
@@ -190,7 +190,7 @@ def _format(dtype: DTypeLike) -> np.dtype:
         form = np.dtype(dtype)
     except TypeError as error:
         raise InputError(f"dtype: got {dtype!r}, expected float64 or float32") from error
-    if form not in FORMATS:
+    if form not in NUMBER_FORMATS:
         raise InputError(f"dtype: got {form}, expected float64 or float32")
     return form
 

@@ -3,11 +3,11 @@
 from types import TracebackType
 
 import numpy as np
-from mpi4py import MPI
 
 from mp2a.checks import count
 from mp2a.distributed_setup import duplicate
 from mp2a.exceptions import InputError
+from mp2a.mpi import MPI
 from mp2a.transport.agreement import shared_errors
 
 _LANES = 8

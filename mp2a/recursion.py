@@ -1,6 +1,6 @@
 """The O(n) recursion of one process, body after body: Luh, Walker and Paul (1980) in body frames.
 
-Compiled kernels do it where there are any, and numpy where there are none or where they doubt what they were given.
+Compiled kernels do it where there are any, and numpy where there are none or something given to them is invalid.
 """
 
 from typing import NamedTuple
@@ -66,12 +66,12 @@ def recursion(
         If a number is not finite, or a quaternion, or cosine and sine, are not of length 1.
     """
     form = np.dtype(dtype)
-    found: batch.Result | None
+    found: batch.KernelResult | None
     if form == np.float64 and long.fits(model, state.samples):
-        found = long.recursion(model, state, base, tip, bodies=bodies, threads=threads)
+        found = long.rnea(model, state, base, tip, bodies=bodies, threads=threads)
     else:
-        found = batch.recursion(model, state, base, tip, bodies=bodies, threads=threads, dtype=form, out=out, rows=rows)
-    if found is None or not found.sound:
+        found = batch.rnea(model, state, base, tip, bodies=bodies, threads=threads, dtype=form, out=out, rows=rows)
+    if found is None or not found.valid:
         check_values(model, state)
         torque, moving, root = by_numpy(model, state, base, tip)
         assert moving is not None
@@ -139,10 +139,10 @@ def segment(model: Model, state: JointState, *, loaded: bool, threads: int | Non
     load
         About what the chain hangs on, ``(T, 28)``, as `mp2a.algebra.inertia` has it; None if it is not asked for.
     """
-    reduce = long.segment if long.fits(model, state.samples) else batch.segment
-    found = reduce(model, state, load=loaded, threads=threads)
-    if found is not None and found.sound:
-        return found.path, found.load
+    reduce = long.reduce_block if long.fits(model, state.samples) else batch.reduce_block
+    found = reduce(model, state, inertia=loaded, threads=threads)
+    if found is not None and found.valid:
+        return found.path, found.inertia
     return segment_by_numpy(model, state)
 
 
@@ -150,9 +150,9 @@ def segment_by_numpy(model: Model, state: JointState) -> tuple[Array, Array]:
     """Do what `segment` does, with the load."""
     paths = motion.from_joint(joint_motion(model, state))
     loads = inertia.from_body(model.masses, model.coms, model.origin_inertias, state.external, state.samples)
-    whole, below = paths[0], kernels.move(loads[-1], paths[-1])
+    whole, below = paths[0], kernels.transform(loads[-1], paths[-1])
     for path in paths[1:]:
         whole = kernels.compose(whole, path)
     for path, own in zip(paths[-2::-1], loads[-2::-1], strict=True):
-        below = kernels.move(below + own, path)
+        below = kernels.transform(below + own, path)
     return whole, below

@@ -79,8 +79,7 @@ def method(name: str, samples: int, seed: int = 0) -> Costs:
 
 def _compiled(frame: Frame, names: Sequence[str]) -> dict[str, float]:
     """Seconds between the rounds of each recurrence, where they are compiled."""
-    from mpi4py import MPI
-
+    from mp2a.mpi import MPI
     from mp2a.program.compiled import CompiledProgram
     from mp2a.transport.link import MPILink
     from mp2a.transport.mpi import MPITransport

@@ -5,9 +5,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, NamedTuple, TypeVar, cast
 
-from mpi4py import MPI
-
 from mp2a.exceptions import InputError, RankError
+from mp2a.mpi import MPI
 from mp2a.program.rank import RankProgram
 from mp2a.spatial import Array
 from mp2a.transport.agreement import agree, raise_on_all

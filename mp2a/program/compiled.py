@@ -1,6 +1,6 @@
 """A recorded program whose rounds are done by compiled calls, with persistent requests.
 
-``mp2a/kernels/rounds.c`` does the steps: exchanges, and the operations that have a compiled form. What has none is done
+`mp2a.kernels.replay` does the steps: exchanges, and the operations that have a compiled form. What has none is done
 here between them. The compiled loop looks for messages only so often; then Python takes over to wait as
 `mp2a.transport.wait` does, finds messages that do not fit, and hands back.
 """
@@ -10,11 +10,11 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from mpi4py import MPI
 from numpy.typing import NDArray
 
 from mp2a import kernels
 from mp2a.cores import is_oversubscribed
+from mp2a.mpi import MPI
 from mp2a.program.memory import Frame
 from mp2a.program.operations import add
 from mp2a.program.recorder import Communicate, Compute
@@ -61,7 +61,7 @@ class CompiledProgram:
     Attributes
     ----------
     steps
-        ``(k, 6)`` of ``struct step`` in ``rounds.c``.
+        ``(k, 6)`` of steps as `mp2a.kernels.replay` describes them.
     """
 
     def __init__(self, function: Callable[[int, int, int], int], frame: Frame, transport: MPITransport) -> None:

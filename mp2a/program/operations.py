@@ -135,10 +135,10 @@ transpose_matrix = Operation(_transpose, 36)
 compose = Operation(kernels.compose, 24, step="compose", neutral={0: 1, 1: 0})
 """Put a path above another one: `mp2a.algebra.motion.compose`."""
 
-transform = Operation(kernels.move, 28, step="move")
+transform = Operation(kernels.transform, 28, step="transform")
 """Carry a composite inertia across a path: `mp2a.algebra.inertia.transform`."""
 
-transform_force = Operation(kernels.carry, 6, step="carry")
+transform_force = Operation(kernels.transform_force, 6, step="transform_force")
 """Take a force from the lower to the upper end of a path: `mp2a.spatial.force_to_parent`."""
 
 force_from_parent = Operation(_from_parent, 6, neutral={1: 1})

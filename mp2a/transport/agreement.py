@@ -5,10 +5,10 @@ from contextlib import contextmanager
 from typing import NoReturn
 
 import numpy as np
-from mpi4py import MPI
 
 from mp2a import exceptions
 from mp2a.exceptions import InputError, RankError
+from mp2a.mpi import MPI
 from mp2a.transport.wait import wait
 
 

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from mpi4py import MPI
 
+from mp2a.mpi import MPI
 from mp2a.schedule import Round
 from mp2a.transport.base import Parcel
 from mp2a.transport.link import Link
