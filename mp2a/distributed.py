@@ -16,11 +16,12 @@ from mp2a.algebra.motion import from_joint, view
 from mp2a.checks import array, count, numbers
 from mp2a.exceptions import InputError
 from mp2a.joint_kinematics import joint_motion
-from mp2a.methods import METHODS, InverseDynamics, block
+from mp2a.methods import METHODS, block
 from mp2a.methods.auto import AUTO, Choice, choose
 from mp2a.methods.compact import outwards
 from mp2a.model import Model
 from mp2a.network import EmulatedNetwork
+from mp2a.results import InverseDynamics, Placement
 from mp2a.schedule import Formation, Schedule, shifted
 from mp2a.spatial import GRAVITY, Array
 from mp2a.transport.base import Transport
@@ -144,7 +145,7 @@ class DistributedModel:
         q: ArrayLike,
         v: ArrayLike,
         a: ArrayLike,
-        external_force: ArrayLike | None = None,
+        external_forces: ArrayLike | None = None,
         *,
         wrong: InputError | None = None,
     ) -> InverseDynamics:
@@ -155,7 +156,7 @@ class DistributedModel:
         q, v, a
             This rank's coordinates ``(nq,)``, velocities and accelerations ``(nv,)``, or T samples of them, ``(T, nq)``
             and ``(T, nv)``, which travel in the same messages. T is the same on every rank.
-        external_force
+        external_forces
             ``[torque; force]`` on this rank's body, in its frame about its origin, ``(6,)`` or ``(T, 6)``, N m and N.
             If there are more bodies than ranks, on its m bodies, ``(m, 6)`` or ``(T, m, 6)``.
         wrong
@@ -176,7 +177,7 @@ class DistributedModel:
         try:
             if wrong is not None:
                 raise wrong
-            state = check_state(self.part, q, v, a, self._own_force(external_force))
+            state = check_state(self.part, q, v, a, self._own_forces(external_forces))
             if state.samples > self.transport.most_samples:
                 raise InputError(
                     f"q, v, a: got {state.samples} samples, expected at most {self.transport.most_samples} a call "
@@ -197,10 +198,12 @@ class DistributedModel:
         velocity, acceleration, force = (x[at] for x in (result.velocity, result.acceleration, result.force))
         if self._blocks and not state.single:  # samples first
             velocity, acceleration, force = (np.swapaxes(x, 0, 1) for x in (velocity, acceleration, force))
-        place = [] if result.rotation is None or result.position is None else [result.rotation[at], result.position[at]]
-        return InverseDynamics(velocity, acceleration, force, result.torque[at[1]], *place)
+        placement = result.deferred_placement
+        if isinstance(placement, Placement):
+            placement = Placement(*(x[at] for x in placement))
+        return InverseDynamics(velocity, acceleration, force, result.torque[at[1]], placement)
 
-    def placement(self, q: ArrayLike) -> tuple[Array, Array]:
+    def placement(self, q: ArrayLike) -> Placement:
         """Where this robot is, by the rounds of motion alone, for methods whose `rnea` does not tell; collective.
 
         Parameters
@@ -210,9 +213,8 @@ class DistributedModel:
 
         Returns
         -------
-        tuple of numpy.ndarray
-            Rotation from this body's to the base frame ``(3, 3)`` and position of its origin ``(3,)`` m, with T in
-            front if ``q`` has it.
+        Placement
+            Of this robot's body, ``(3, 3)`` and ``(3,)`` m, with T in front if ``q`` has it.
 
         Raises
         ------
@@ -230,8 +232,7 @@ class DistributedModel:
         path = outwards(from_joint(joint_motion(self.part, state)), carrier.schedule, carrier.transport)
         carrier.transport.flush()
         self._all_sound(carrier.transport, error, state.samples, far=False)
-        place = view(path[0, 0] if state.single else path[0])
-        return place.rotation, place.translation
+        return Placement(*view(path[0, 0] if state.single else path[0])[:2])
 
     def send_to_children(self, values: ArrayLike) -> Array | None:
         """Hand some numbers to the robots that hang on this one, and return those of its parent; collective.
@@ -327,15 +328,15 @@ class DistributedModel:
         raise_together(self._comm, error)
         return whole, field, shares, link
 
-    def _own_force(self, external: ArrayLike | None) -> Array | None:
+    def _own_forces(self, external: ArrayLike | None) -> Array | None:
         """Give forces on this rank's bodies the shape of those of a chain."""
         if external is None:
             return None
-        force = numbers("external_force", external)
+        force = numbers("external_forces", external)
         wanted = (len(self.part), 6) if self._blocks else (6,)
         if force.ndim - len(wanted) not in (0, 1) or force.shape[-len(wanted) :] != wanted:
             many = str(("T", *wanted)).replace("'", "")
-            raise InputError(f"external_force: got shape {force.shape}, expected {wanted} or {many}")
+            raise InputError(f"external_forces: got shape {force.shape}, expected {wanted} or {many}")
         return force if self._blocks else force[..., None, :]
 
     def _sample_counts(self, samples: int) -> str:

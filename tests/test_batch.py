@@ -17,8 +17,9 @@ from hypothesis import strategies as st
 
 import mp2a
 from mp2a import InputError, Model, cores, kernels
+from mp2a.joint_kinematics import BaseMotion
 from mp2a.kernels import batch, library, long
-from mp2a.recursion import by_numpy, segment_by_numpy
+from mp2a.serial import reduce_block_numpy, rnea_numpy
 from mp2a.spatial import to_linear_first
 from mp2a.validation import check_shapes, check_state
 
@@ -31,9 +32,10 @@ seeds = st.integers(0, 2**32 - 1)
 
 def numpy_results(model, state, forces, gravity):
     """What numpy's recursion gives, samples first."""
-    base = np.concatenate((np.zeros(6), -np.asarray(gravity), np.zeros(3)))
-    torque, bodies, _ = by_numpy(model, check_state(model, *state, forces), base)
-    return mp2a.InverseDynamics(bodies[..., :6], bodies[..., 6:12], bodies[..., 12:], torque)
+    base = BaseMotion.at_rest(np.asarray(gravity))
+    torque, bodies, _ = rnea_numpy(model, check_state(model, *state, forces), base)
+    placement = mp2a.placements(model, state[0])
+    return mp2a.InverseDynamics(bodies[..., :6], bodies[..., 6:12], bodies[..., 12:], torque, placement)
 
 
 def agree(found, expected, tolerance):
@@ -353,7 +355,7 @@ def test_chain_put_together_is_its_segments_put_together(n, samples, seed, force
     model = Model.random(n, seed, ("revolute", "continuous", "prismatic") if cut else ALL_JOINTS)
     forces, _ = random_load(model, samples, seed)
     state = check_state(model, *model.random_state(samples, seed), forces if force else None)
-    path, below = segment_by_numpy(model, state)
+    path, below = reduce_block_numpy(model, state)
     for asked in (False, True):
         found = long.segment(model, state, load=asked) if cut else batch.segment(model, state, load=asked)
         assert found.sound

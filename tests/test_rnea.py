@@ -202,10 +202,7 @@ def test_bodies_are_placed_as_by_going_along_the_chain(method):
             assert relative_error(got[0], rotations) < 1e-12
             assert relative_error(got[1], origins) < 1e-12
         done = mp2a.rnea(model, q, v, a, method=method, bodies=True)
-        if method in ("kogge-stone", "serial"):
-            assert done.rotation is None and done.position is None
-        else:
-            assert relative_error(done.rotation[sample], rotations) < 1e-12
-            assert relative_error(done.position[sample], origins) < 1e-12
+        assert relative_error(done.placement.rotation[sample], rotations) < 1e-12
+        assert relative_error(done.placement.translation[sample], origins) < 1e-12
     with pytest.raises(InputError, match="q: got"):
         mp2a.placements(model, q[0, 1:])

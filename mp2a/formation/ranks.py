@@ -6,7 +6,7 @@ from mp2a.distributed import DistributedModel
 from mp2a.exceptions import InputError
 from mp2a.formation.exchange import Bodies, bodies, state
 from mp2a.formation.plane import Motion
-from mp2a.methods.result import InverseDynamics
+from mp2a.results import InverseDynamics, Placement
 from mp2a.spatial import Array
 
 
@@ -32,9 +32,7 @@ class OverRanks:
         """Run this rank's part of the scan."""
         q, v, a, forces = (x[:, 0] for x in state(joints, external))
         done = self.ranks.rnea(q, v, a, forces, wrong=wrong)
-        if done.rotation is None or done.position is None:
-            rotation, position = self.ranks.placement(q)
-        else:
-            rotation, position = done.rotation, done.position
-        own = InverseDynamics(*(x[:, None] for x in (done.velocity, done.acceleration, done.force, done.torque)))
-        return bodies(own, rotation[:, None], position[:, None])
+        placement = self.ranks.placement(q) if self.ranks.method == "kogge-stone" else done.placement
+        velocity, acceleration, force = (x[:, None] for x in (done.velocity, done.acceleration, done.force))
+        own = Placement(*(x[:, None] for x in placement))
+        return bodies(InverseDynamics(velocity, acceleration, force, done.torque, own))

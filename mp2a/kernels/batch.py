@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mp2a import cores, kernels
+from mp2a.joint_kinematics import BaseMotion
 from mp2a.kernels.kept import Kept
 from mp2a.kernels.library import Run
 from mp2a.kernels.plan import FORMATS, Format, Job, Plan, make_plan
@@ -50,6 +51,12 @@ class Segment(NamedTuple):
     """As in `Result`, where the numbers can be told from a path."""
 
 
+def pack_base(base: BaseMotion) -> Array:
+    """Motion of a base in the order of the kernels, ``(12,)`` or ``(T, 12)``: ω, ω̇, v̇, v."""
+    velocity, acceleration = np.broadcast_arrays(*base)
+    return np.concatenate((velocity[..., :3], acceleration, velocity[..., 3:]), axis=-1)
+
+
 def recursion(
     model: Model,
     state: JointState,
@@ -71,8 +78,7 @@ def recursion(
     state
         Input of the right shapes; the kernel notices by itself if its numbers are not what they should be.
     base
-        Motion of the base, ``(12,)`` or ``(T, 12)``: angular velocity, angular acceleration, acceleration less gravity
-        and velocity of its origin.
+        Motion of the base as `pack_base` packs it, ``(12,)`` or ``(T, 12)``.
     tip
         Wrench from outside on the last body, in its frame about its origin, ``(T, 6)``.
     bodies

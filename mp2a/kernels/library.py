@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import mp2a
+from mp2a import spatial
 from mp2a.cores import usable_cores
 
 Run = Callable[..., int | None]
@@ -132,7 +133,8 @@ def _checksum(*contents: bytes) -> str:
 
 def _purpose() -> str:
     """Name what a shared object has to be made for: this processor, and this version of the kernels."""
-    sources = [path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.[cp]*"))]
+    formulas = Path(spatial.__file__)  # of which the kernels have one
+    sources = [path.read_bytes() for path in (*sorted(Path(__file__).parent.glob("*.[cp]*")), formulas)]
     target = _processor(), platform.machine(), os.environ.get(CPU_FEATURES, ""), mp2a.__version__
     return _checksum(*(word.encode() for word in target), *sources)
 

@@ -4,7 +4,6 @@ from mp2a import schedule
 from mp2a.algebra import affine
 from mp2a.methods import compact, kogge_stone, sweep
 from mp2a.methods.node import Method, Work
-from mp2a.methods.result import InverseDynamics
 
 METHODS = {
     "kogge-stone": Method(schedule.kogge_stone, affine.DOUBLES, Work(0.1e-6, 0.15e-6), kogge_stone.kogge_stone, False),
@@ -13,4 +12,4 @@ METHODS = {
 }
 """Every distributed method by name. A new one is a file here and a line in this table."""
 
-__all__ = ["METHODS", "InverseDynamics", "Method"]
+__all__ = ["METHODS", "Method"]

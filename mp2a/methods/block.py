@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from mp2a.algebra import motion
-from mp2a.joint_kinematics import joint_torque
-from mp2a.methods.node import Method, Nodes, single_bodies
-from mp2a.methods.result import InverseDynamics
+from mp2a.joint_kinematics import BaseMotion, joint_torque
+from mp2a.methods.node import Method, Nodes, single_bodies, unknown_placement
 from mp2a.model import Model
-from mp2a.recursion import recursion, segment
+from mp2a.results import InverseDynamics
 from mp2a.schedule import SHIFT, TAIL, Schedule
+from mp2a.serial import reduce_block, rnea
 from mp2a.spatial import Array, force_to_child
 from mp2a.transport.base import Transport
 from mp2a.transport.steps import Operation, Register, Use
@@ -70,7 +70,7 @@ def solve(
     """
     bodies, head, rest = block
     first, behind = single_bodies(head, part(bodies, state, range(1))), part(bodies, state, range(1, len(bodies)))
-    across, behind_head = segment(rest, behind, loaded=method.loaded) if rest else (_at_rest(state.samples), None)
+    across, behind_head = reduce_block(rest, behind, loaded=method.loaded) if rest else (_at_rest(state.samples), None)
 
     def load() -> Array:
         own = first.load()
@@ -78,7 +78,7 @@ def solve(
 
     def force(velocity: Array, acceleration: Array) -> Array:
         own = first.force(velocity, acceleration)
-        return own + recursion(rest, behind, _as_base(velocity[0], acceleration[0])).root.T if rest else own
+        return own + rnea(rest, behind, BaseMotion(velocity[0], acceleration[0])).base_force if rest else own
 
     path = _shift(across, first.path[0], schedule, transport)
     scan = method.scan(Nodes(path, load, force, blocks=True), gravity, schedule, transport)
@@ -88,7 +88,7 @@ def solve(
         assert scan.behind is not None
         turn, shift, _, _ = motion.view(across)
         tip = -force_to_child(turn, shift, scan.behind[0])
-        found = recursion(rest, behind, _as_base(velocity[0], acceleration[0]), tip, bodies=True)
+        found = rnea(rest, behind, BaseMotion(velocity[0], acceleration[0]), tip, bodies=True)
         assert found.bodies is not None
         rows = found.bodies.swapaxes(0, 1)
         velocity, acceleration, force_on = (
@@ -96,12 +96,7 @@ def solve(
             for x, k in ((velocity, 0), (acceleration, 6), (force_on, 12))
         )  # fmt: skip
         torque = np.concatenate((torque, found.torque), axis=1)
-    return InverseDynamics(velocity, acceleration, force_on, torque)
-
-
-def _as_base(velocity: Array, acceleration: Array) -> Array:
-    """Motion of a head as that of a base, ``(T, 12)``; classical acceleration."""
-    return np.concatenate((velocity[:, :3], acceleration, velocity[:, 3:]), axis=1)
+    return InverseDynamics(velocity, acceleration, force_on, torque, unknown_placement)
 
 
 def _at_rest(samples: int) -> Array:

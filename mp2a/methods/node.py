@@ -4,11 +4,12 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from mp2a.algebra import inertia, motion
+from mp2a.exceptions import InputError
 from mp2a.joint_kinematics import joint_motion, joint_torque
-from mp2a.methods.result import InverseDynamics
 from mp2a.model import Model
-from mp2a.recursion import segment
+from mp2a.results import InverseDynamics, Placement
 from mp2a.schedule import Formation, Schedule
+from mp2a.serial import reduce_block
 from mp2a.spatial import Array, body_force
 from mp2a.transport.base import Transport
 from mp2a.validation import JointState
@@ -56,7 +57,7 @@ def single_bodies(bodies: Model, state: JointState) -> Nodes:
         return out
 
     path = (
-        segment(bodies, state, loaded=False)[0][None]
+        reduce_block(bodies, state, loaded=False)[0][None]
         if len(bodies) == 1
         else motion.from_joint(joint_motion(bodies, state))
     )
@@ -95,5 +96,13 @@ class Method(NamedTuple):
     ) -> InverseDynamics:
         """Inverse dynamics of the bodies this process holds, each a node."""
         velocity, acceleration, force, _, path = self.scan(single_bodies(bodies, state), gravity, schedule, transport)
-        place = () if path is None else motion.view(path)[:2]
-        return InverseDynamics(velocity, acceleration, force, joint_torque(bodies, force), *place)
+        placement = unknown_placement if path is None else Placement(*motion.view(path)[:2])
+        return InverseDynamics(velocity, acceleration, force, joint_torque(bodies, force), placement)
+
+
+def unknown_placement() -> Placement:
+    """Say that a method does not tell it."""
+    raise InputError(
+        "placement: not known to this rank from 'kogge-stone' or for blocks of bodies, "
+        "expected a call of mp2a.DistributedModel.placement"
+    )

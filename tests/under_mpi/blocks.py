@@ -103,7 +103,7 @@ for method in METHODS:
             wrong_force = np.zeros((len(formation.bodies) + (bad == RANK), 6))
             spoilt = [part + np.nan if bad == RANK else part for part in state]
             odd = [part[:1] if bad == RANK else part for part in state]
-            cases = [(spoilt, None, f"rank {bad}"), (state, wrong_force, "external_force")]
+            cases = [(spoilt, None, f"rank {bad}"), (state, wrong_force, "external_forces")]
             for arguments, force, word in cases + [(odd, None, "samples")] * (SIZE > 1):
                 try:
                     formation.rnea(*arguments, force)
