@@ -8,7 +8,6 @@ from types import TracebackType
 from typing import NamedTuple
 
 import numpy as np
-from mpi4py import MPI
 from numpy.typing import ArrayLike, NDArray
 
 from mp2a import schedule as schedules
@@ -20,10 +19,11 @@ from mp2a.methods import METHODS, block
 from mp2a.methods.auto import AUTO, Choice, choose
 from mp2a.methods.compact import outwards
 from mp2a.model import Model
+from mp2a.mpi import MPI
 from mp2a.network import EmulatedNetwork
 from mp2a.results import InverseDynamics, Placement
 from mp2a.schedule import Formation, Schedule, shifted
-from mp2a.spatial import GRAVITY, Array
+from mp2a.spatial import Array
 from mp2a.transport.base import Transport
 from mp2a.transport.link import EmulatedLink, Link, make_link, measure
 from mp2a.transport.mpi import MPITransport, agree, raise_together
@@ -54,7 +54,7 @@ class DistributedModel:
         One of `mp2a.methods.METHODS`, or "auto": the one that needs least time by the formation, the samples and what
         the network costs, which is measured between two ranks; `choice` says which and why.
     gravity
-        ``(3,)`` m/s² in the base frame.
+        ``(3,)`` m/s² in the base frame; None: the model's own.
     counts
         How many bodies each rank holds: as many whole numbers of at least 1 as there are ranks, whose sum is the number
         of bodies. None: as even as possible, the larger blocks first.
@@ -92,7 +92,7 @@ class DistributedModel:
     --------
     Under ``mpirun -n 8``, each rank with its own joint's values::
 
-        from mpi4py import MPI
+        from mp2a.mpi import MPI
         import mp2a
 
         with mp2a.DistributedModel(MPI.COMM_WORLD, mp2a.Model.uniform(8)) as robots:
@@ -105,7 +105,7 @@ class DistributedModel:
         comm: MPI.Intracomm,
         model: Model | str | Path,
         method: str = AUTO,
-        gravity: ArrayLike = GRAVITY,
+        gravity: ArrayLike | None = None,
         *,
         counts: Sequence[int] | None = None,
         samples: int = 1,
@@ -129,7 +129,7 @@ class DistributedModel:
         self._serial = whole.is_serial
         rank = self._comm.Get_rank()
         self.bodies = range(sum(counts[:rank]), sum(counts[: rank + 1]))
-        self.part = block.cut(whole, self.bodies) if self._blocks else whole.body(rank)
+        self.part = whole.block(self.bodies) if self._blocks else whole.body(rank)
         self._block = block.block_of(self.part) if self._blocks else None
         self.q_columns, self.v_columns = (
             slice(int(starts[self.bodies.start]), int(starts[self.bodies.stop]))
@@ -300,7 +300,7 @@ class DistributedModel:
         self,
         model: Model | str | Path,
         method: str,
-        gravity: ArrayLike,
+        gravity: ArrayLike | None,
         counts: Sequence[int] | None,
         samples: int,
         network: EmulatedNetwork | None,
@@ -309,9 +309,9 @@ class DistributedModel:
         error: InputError | None = None
         digest = bytes(32)
         try:
-            field = check_gravity(gravity)
             whole = _read(model)
             _check(whole, method)
+            field = check_gravity(whole, gravity)
             shares = _shares(counts, whole, self._comm.Get_size())
             count("samples", samples)
             link = make_link(self._comm, network)

@@ -1,7 +1,7 @@
 """What users call: inverse dynamics of a chain in one process."""
 
 from functools import partial
-from typing import Literal, overload
+from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
@@ -14,19 +14,22 @@ from mp2a.kernels.plan import FORMATS
 from mp2a.methods import METHODS
 from mp2a.model import Model
 from mp2a.results import InverseDynamics, Placement
-from mp2a.spatial import GRAVITY, Array
+from mp2a.spatial import Array
 from mp2a.transport.local import LocalTransport
-from mp2a.validation import JointState, check_gravity, check_shapes, check_state, check_values
+from mp2a.validation import JointState, check_gravity, check_model, check_shapes, check_state, check_values
+
+if TYPE_CHECKING:
+    import pinocchio
 
 
 @overload
 def rnea(
-    model: Model,
+    model: "Model | pinocchio.Model",
     q: ArrayLike,
     v: ArrayLike,
     a: ArrayLike,
     external_forces: ArrayLike | None = ...,
-    gravity: ArrayLike = ...,
+    gravity: ArrayLike | None = ...,
     *,
     method: str = ...,
     bodies: Literal[False] = ...,
@@ -36,12 +39,12 @@ def rnea(
 ) -> Array: ...
 @overload
 def rnea(
-    model: Model,
+    model: "Model | pinocchio.Model",
     q: ArrayLike,
     v: ArrayLike,
     a: ArrayLike,
     external_forces: ArrayLike | None = ...,
-    gravity: ArrayLike = ...,
+    gravity: ArrayLike | None = ...,
     *,
     method: str = ...,
     bodies: Literal[True],
@@ -50,12 +53,12 @@ def rnea(
     out: InverseDynamics | None = ...,
 ) -> InverseDynamics: ...
 def rnea(
-    model: Model,
+    model: "Model | pinocchio.Model",
     q: ArrayLike,
     v: ArrayLike,
     a: ArrayLike,
     external_forces: ArrayLike | None = None,
-    gravity: ArrayLike = GRAVITY,
+    gravity: ArrayLike | None = None,
     *,
     method: str = "serial",
     bodies: bool = False,
@@ -68,7 +71,7 @@ def rnea(
     Parameters
     ----------
     model
-        n bodies.
+        n bodies. A `pinocchio.Model` is converted; the conversion is kept while that model lives and stays the same.
     q
         Coordinates as pinocchio's, ``(nq,)`` or ``(T, nq)`` for T samples; rad and m. Arrays whose samples lie
         together, such as ``x.T`` of an ``(nq, T)`` one, are taken as they are, as those are whose columns do.
@@ -78,7 +81,7 @@ def rnea(
         ``[torque; force]`` that act on the bodies, each in the body's frame about its *origin*, ``(n, 6)`` or
         ``(T, n, 6)``, N m and N. `mp2a.spatial.force_at_origin` moves the paper's F_RA there from the centre of mass.
     gravity
-        ``(3,)`` m/s² in the base frame.
+        ``(3,)`` m/s² in the base frame; None: the model's own.
     method
         "serial", body after body, the fastest in one process; or one of `mp2a.methods.METHODS`, with all n robots in
         this process.
@@ -117,8 +120,9 @@ def rnea(
     if threads is not None:
         count("threads", threads)
     form = _format(dtype)
+    model = check_model(model)
     state = check_shapes(model, q, v, a, external_forces)
-    field = check_gravity(gravity)
+    field = check_gravity(model, gravity)
     torque_out, table_out = _targets(out, state, len(model), form, bodies=bodies)
     # Now, for the results may go where q is, and a caller may change q before the placements are asked for.
     places = partial(_place, model, state.q.copy(), state.single, form) if bodies else None
@@ -144,13 +148,13 @@ def rnea(
     return InverseDynamics(table[..., :6], table[..., 6:12], table[..., 12:], torque, places)
 
 
-def placements(model: Model, q: ArrayLike) -> Placement:
+def placements(model: "Model | pinocchio.Model", q: ArrayLike) -> Placement:
     """Where the bodies of a chain or tree are.
 
     Parameters
     ----------
     model
-        n bodies.
+        n bodies, as `rnea` takes them.
     q
         Coordinates, ``(nq,)`` or ``(T, nq)``; rad and m.
 
@@ -165,6 +169,7 @@ def placements(model: Model, q: ArrayLike) -> Placement:
     InputError
         As for `rnea`.
     """
+    model = check_model(model)
     still = np.zeros((*np.shape(q)[:-1], model.nv))
     state = check_state(model, q, still, still, None)
     return _place(model, state.q, state.single, np.dtype(np.float64))

@@ -16,11 +16,14 @@ free          7   6   position, quaternion x, y, z, w linear, then angular veloc
 ``H`` is constant in the body's frame for every one of them, rows ``[angular; linear]``.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mp2a.checks import read_only
 from mp2a.spatial import Array, quaternion_matrix, skew
 
 
@@ -126,3 +129,34 @@ _JOINTS = (
 
 JOINTS = {joint.name: joint for joint in _JOINTS}
 """Every joint type by name. A new type is one more entry of ``_JOINTS``."""
+
+
+class JointGroup(NamedTuple):
+    """All bodies of one joint type, so that a type is computed in one go."""
+
+    joint: Joint
+    bodies: NDArray[np.intp]
+    """``(k,)``"""
+    q_columns: NDArray[np.intp]
+    """``(k, nq)`` columns of the model's q."""
+    v_columns: NDArray[np.intp]
+    """``(k, nv)`` columns of the model's v."""
+    axes: Array
+    """``(k, 3)``"""
+    subspace: Array
+    """``H``, ``(k, 6, nv)``"""
+
+
+def joint_groups(
+    joints: Sequence[str], axes: Array, q_starts: NDArray[np.intp], v_starts: NDArray[np.intp]
+) -> tuple[JointGroup, ...]:
+    """Group bodies by the types of their joints, in read-only arrays; for `mp2a.Model.groups`."""
+    kinds, groups = np.array(joints), []
+    for joint in JOINTS.values():
+        bodies = np.flatnonzero(kinds == joint.name)
+        if bodies.size:
+            q_columns = q_starts[bodies, None] + np.arange(joint.nq)
+            v_columns = v_starts[bodies, None] + np.arange(joint.nv)
+            arrays = bodies, q_columns, v_columns, axes[bodies], joint.subspace(axes[bodies])
+            groups.append(JointGroup(joint, *map(read_only, arrays)))
+    return tuple(groups)

@@ -1,7 +1,5 @@
 """pinocchio's serial RNEA in mp2a's conventions: the O(n) reference."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -9,11 +7,8 @@ from mp2a.cores import available_memory
 from mp2a.exceptions import DependencyError
 from mp2a.model import Model
 from mp2a.results import InverseDynamics, Placement
-from mp2a.spatial import GRAVITY, Array, spatial_to_classical, to_linear_first
+from mp2a.spatial import Array, spatial_to_classical, to_linear_first
 from mp2a.validation import check_gravity, check_state
-
-if TYPE_CHECKING:
-    pass
 
 _TENSORS = 4
 """nv³ tensors of doubles in `pinocchio.Data`, zeroed and so resident (measured: 4.0 nv³ of 8 bytes at nv = 400)."""
@@ -63,13 +58,13 @@ class Reference:
         v: ArrayLike,
         a: ArrayLike,
         external_forces: ArrayLike | None = None,
-        gravity: ArrayLike = GRAVITY,
+        gravity: ArrayLike | None = None,
     ) -> InverseDynamics:
         """As `mp2a.rnea` with ``bodies=True``, by pinocchio, a sample at a time."""
         import pinocchio
 
         state = check_state(self.model, q, v, a, external_forces)
-        self.pin_model.gravity.linear = check_gravity(gravity)
+        self.pin_model.gravity.linear = check_gravity(self.model, gravity)
         n, samples = len(self.model), state.samples
         shape = (samples, n, 6)
         velocity, acceleration, force = np.empty(shape), np.empty(shape), np.empty(shape)

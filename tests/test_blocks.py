@@ -59,7 +59,7 @@ def test_two_blocks_are_one(m, samples, seed, data):
     model, state, base = block_of(m, samples, seed)
     at = data.draw(st.integers(1, m - 1))
     whole = rnea(model, state, base, bodies=True)
-    parts = [(block.cut(model, cut), block.part(model, state, cut)) for cut in (range(at), range(at, m))]
+    parts = [(model.block(cut), block.part(model, state, cut)) for cut in (range(at), range(at, m))]
     end = whole.bodies[:, at - 1]
     outer = rnea(*parts[1], BaseMotion(end[:, :6], end[:, 6:12]), bodies=True)
     inner = rnea(*parts[0], base, -outer.base_force, bodies=True)
@@ -80,7 +80,7 @@ def test_shares_are_even(bodies, ranks):
 def test_parts_of_a_chain_are_the_chain(n, data):
     model = Model.random(n, 3, ALL_JOINTS)
     at = data.draw(st.integers(0, n))
-    parts = [block.cut(model, bodies) for bodies in (range(at), range(at, n)) if len(bodies)]
+    parts = [model.block(bodies) for bodies in (range(at), range(at, n)) if len(bodies)]
     assert all(part.is_serial for part in parts)
     for field in ("axes", "rotations", "translations", "masses", "coms", "inertias"):
         assert np.array_equal(np.concatenate([getattr(part, field) for part in parts]), getattr(model, field))

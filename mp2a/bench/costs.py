@@ -10,7 +10,7 @@ import numpy as np
 from mp2a.methods import METHODS, Method
 from mp2a.model import Model
 from mp2a.schedule import Round, Schedule, Transfer
-from mp2a.spatial import GRAVITY, Array
+from mp2a.spatial import Array
 from mp2a.transport.base import Arrival
 from mp2a.transport.local import LocalTransport
 from mp2a.validation import JointState, check_state
@@ -54,29 +54,27 @@ def method(name: str, samples: int, seed: int = 0) -> Costs:
     body = model.body(middle)
     state = check_state(body, *model.random_state(samples, seed, body=middle), None)
     schedule = as_seen_by(middle, chosen.schedule(_ROBOTS))
-    gravity = np.asarray(GRAVITY, dtype=float)
 
     def once() -> list[float]:
         watch = _Watch(1)
         watch.marks.append(time.thread_time())
-        chosen.solve(body, state, gravity, schedule, watch)
+        chosen.solve(body, state, body.gravity, schedule, watch)
         watch.marks.append(time.thread_time())
         return np.subtract(watch.marks[1::2], watch.marks[::2]).tolist()
 
     measured = _sorted(schedule, _medians(once))
-    return measured._replace(between={**measured.between, **_recorded(chosen, body, state, gravity, schedule)})
+    return measured._replace(between={**measured.between, **_recorded(chosen, body, state, schedule)})
 
 
-def _recorded(chosen: Method, body: Model, state: JointState, gravity: Array, schedule: Schedule) -> dict[str, float]:
+def _recorded(chosen: Method, body: Model, state: JointState, schedule: Schedule) -> dict[str, float]:
     """Seconds between the rounds of each recurrence, where rounds are recorded and done without the interpreter."""
-    from mpi4py import MPI
-
+    from mp2a.mpi import MPI
     from mp2a.transport.link import MPILink
     from mp2a.transport.mpi import MPITransport
 
     transport = MPITransport(MPILink(MPI.COMM_SELF), schedule)
     transport.begin(state.samples, sound=True)
-    chosen.solve(body, state, gravity, schedule, transport)
+    chosen.solve(body, state, body.gravity, schedule, transport)
     transport.flush()
     found = {}
     for name, program in transport.programs.items():

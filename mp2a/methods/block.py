@@ -41,7 +41,7 @@ class Block(NamedTuple):
 
 def block_of(bodies: Model) -> Block:
     """Take a block apart."""
-    rest = cut(bodies, range(1, len(bodies))) if len(bodies) > 1 else None
+    rest = bodies.block(range(1, len(bodies))) if len(bodies) > 1 else None
     return Block(bodies, bodies.body(0), rest)
 
 
@@ -118,15 +118,6 @@ def share(bodies: int, ranks: int) -> tuple[int, ...]:
     """Cut a chain into blocks as even as possible: the number of bodies of each rank, the larger ones first."""
     each, more = divmod(bodies, ranks)
     return (each + 1,) * more + (each,) * (ranks - more)
-
-
-def cut(model: Model, bodies: range) -> Model:
-    """Take consecutive bodies out of a serial chain, as a chain of their own."""
-    part = slice(bodies.start, bodies.stop)
-    return Model(
-        np.arange(len(bodies)) - 1, model.joints[part], model.axes[part], model.rotations[part],
-        model.translations[part], model.masses[part], model.coms[part], model.inertias[part], model.names[part],
-    )  # fmt: skip
 
 
 def part(model: Model, state: JointState, bodies: range) -> JointState:
