@@ -90,7 +90,7 @@ def recursion(
     out
         Where to put the torque, ``(T, nv)`` of this format, if it is laid out as the input and does not overlap it.
     rows
-        Where to put motion and force of the bodies, ``(T, n, 18)`` of this format.
+        Where to put motion and force of the bodies, ``(T, n, 18)`` of this format, if it does not overlap the input.
 
     Returns
     -------
@@ -103,13 +103,13 @@ def recursion(
         return None
     samples, given = state.samples, _input(state, form)
     torque = out
-    if torque is None or not _fits(torque, given.columnwise) or any(np.may_share_memory(torque, x) for x in given.held):
+    if torque is None or not _fits(torque, given.columnwise) or _overlaps(torque, given):
         torque = np.empty((samples, model.nv), form.dtype, order="F" if given.columnwise else "C")
     base = np.ascontiguousarray(base, form.dtype)
     tip = np.zeros(6, form.dtype) if tip is None else np.ascontiguousarray(tip, form.dtype)
     padded = -(-samples // form.lanes) * form.lanes
     output = rows
-    if output is None or not output.flags.c_contiguous:
+    if output is None or not output.flags.c_contiguous or _overlaps(output, given):
         output = np.empty((samples, len(model), 18) if bodies else 0, form.dtype)
     root = np.empty((6, padded), form.dtype)
     at = kernels.pointer
@@ -168,6 +168,11 @@ def _input(state: JointState, form: Format) -> _Input:
         external = _rowwise(state.external, form.dtype)
         places, held = _places(external), (*held, external)
     return _Input(columnwise, (*places, *strided), held)
+
+
+def _overlaps(result: Array, given: _Input) -> bool:
+    """Tell whether a kernel that writes a result might write over what it has yet to read."""
+    return any(np.may_share_memory(result, x) for x in given.held)
 
 
 def _run(
