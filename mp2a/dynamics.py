@@ -10,7 +10,7 @@ from mp2a import serial
 from mp2a.checks import count
 from mp2a.exceptions import InputError
 from mp2a.joint_kinematics import BaseMotion
-from mp2a.kernels.plan import FORMATS
+from mp2a.kernels.tables import NUMBER_FORMATS
 from mp2a.methods import METHODS
 from mp2a.model import Model
 from mp2a.results import InverseDynamics, Placement
@@ -185,7 +185,7 @@ def _format(dtype: DTypeLike) -> np.dtype:
         form = np.dtype(dtype)
     except TypeError as error:
         raise InputError(f"dtype: got {dtype!r}, expected float64 or float32") from error
-    if form not in FORMATS:
+    if form not in NUMBER_FORMATS:
         raise InputError(f"dtype: got {form}, expected float64 or float32")
     return form
 

@@ -159,20 +159,20 @@ def test_wrong_arguments_are_refused(argument, word):
 def test_what_is_not_a_number_stays_in_its_sample(n, samples, data, seed):
     model = random_forest(n, seed, 3)
     clean = check_shapes(model, *model.random_state(samples, seed), np.zeros((samples, n, 6)))
-    expected = batch.recursion(model, clean, EARTH)
-    assert expected.sound
+    expected = batch.rnea(model, clean, EARTH)
+    assert expected.valid
     which = data.draw(st.sampled_from(("q", "v", "a", "external")))
     bad = data.draw(st.integers(0, samples - 1))
     spoiled = np.array(getattr(clean, which), copy=True)
     row = spoiled[:, bad] if which == "external" else spoiled[bad]
     row[data.draw(st.integers(0, len(row) - 1))] = np.nan
-    found = batch.recursion(model, clean._replace(**{which: spoiled}), EARTH)
+    found = batch.rnea(model, clean._replace(**{which: spoiled}), EARTH)
     others = np.arange(samples) != bad
     assert np.array_equal(found.torque[others], expected.torque[others])
     # A torque need not depend on it (a sliding joint on the base), but what the base feels does.
     assert np.isnan(found.root[:, bad]).any()
     assert np.isnan(found.torque[bad]).any() or n == 1
-    assert not found.sound
+    assert not found.valid
 
 
 @pytest.mark.parametrize("samples", [None, 11])
@@ -204,7 +204,7 @@ def test_very_large_angles(angle):
     model = Model.random(5)
     q, v, a = model.random_state(12)
     q[7, 2] = angle
-    assert not batch.recursion(model, check_shapes(model, q, v, a, None), EARTH).sound
+    assert not batch.rnea(model, check_shapes(model, q, v, a, None), EARTH).valid
     expected = numpy_results(model, (q, v, a), None, np.array([0, 0, -9.81]))
     assert relative_error(mp2a.rnea(model, q, v, a), expected.torque) <= 1e-13
 
@@ -230,7 +230,7 @@ def test_base_moves_and_tip_is_pushed(n, samples, seed, moving):
     velocity, acceleration = expected.velocity[:, 0], expected.acceleration[:, 0]
     base = np.concatenate((velocity[:, :3], acceleration, velocity[:, 3:]), axis=1)
     state = check_shapes(model, q[:, 7:], v[:, 6:], a[:, 6:], None)
-    found = batch.recursion(model, state, base, push, bodies=moving)
+    found = batch.rnea(model, state, base, push, bodies=moving)
     assert relative_error(found.torque, expected.torque[:, 6:]) <= 1e-12
     # What the chain puts on its base is what the free joint, which carries no mass, has to give.
     assert relative_error(to_linear_first(found.root.T), expected.torque[:, :6]) <= 1e-11
@@ -243,10 +243,10 @@ def test_blocks_of_a_chain_in_lanes(n, seed, threads, force, mixed):
     forces, _ = random_load(model, None, seed)
     state = check_shapes(model, *model.random_state(seed=seed), forces if force else None)
     base, tip = np.random.default_rng(seed).normal(size=12), np.random.default_rng(seed).normal(size=(1, 6))
-    expected = batch.recursion(model, state, base, tip, bodies=True)
+    expected = batch.rnea(model, state, base, tip, bodies=True)
     for bodies in (False, True):
-        found = long.recursion(model, state, base, tip, bodies=bodies, threads=threads)
-        assert found.sound
+        found = long.rnea(model, state, base, tip, bodies=bodies, threads=threads)
+        assert found.valid
         assert relative_error(found.torque, expected.torque) <= 1e-12
         assert relative_error(found.root, expected.root) <= 1e-12
     assert relative_error(found.bodies, expected.bodies) <= 1e-12
@@ -301,7 +301,7 @@ def test_machine_code_stays_in_vectors(name):
     scalar = sum(bool(re.search(r"\bv?(?:fn?m(?:add|sub)\d+|mul|add|sub)s[sd]\b", line)) for line in lines)
     calls = [line for line in lines if re.search(r"\bcall\b|\bcallq\b", line) and "mp2a" not in line]
     # The segments' kernels have the same formula once more, for the last samples alone.
-    alone = name in ("compose", "move", "force", "carry")
+    alone = name in ("compose", "transform", "force", "transform_force")
     assert fused >= (15 if alone else 60)
     assert alone or scalar <= fused / 50
     assert not any(word in line for line in calls for word in ("sin", "cos", "rint"))
@@ -358,12 +358,14 @@ def test_chain_put_together_is_its_segments_put_together(n, samples, seed, force
     state = check_state(model, *model.random_state(samples, seed), forces if force else None)
     path, below = reduce_block_numpy(model, state)
     for asked in (False, True):
-        found = long.segment(model, state, load=asked) if cut else batch.segment(model, state, load=asked)
-        assert found.sound
+        found = (
+            long.reduce_block(model, state, inertia=asked) if cut else batch.reduce_block(model, state, inertia=asked)
+        )
+        assert found.valid
         assert relative_error(found.path, path) <= 1e-12
     for part in range(28):  # its numbers differ in unit and size
-        assert relative_error(found.load[:, part], below[:, part]) <= 1e-9 or abs(below[:, part]).max() < 1e-9
-    assert relative_error(found.load, below) <= 1e-12
+        assert relative_error(found.inertia[:, part], below[:, part]) <= 1e-9 or abs(below[:, part]).max() < 1e-9
+    assert relative_error(found.inertia, below) <= 1e-12
 
 
 def test_torques_of_a_long_chain_go_where_they_are_told():

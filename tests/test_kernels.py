@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from mp2a import kernels
 
-COLUMNS = {"compose": (24, 24), "move": (28, 24), "force": (28, 6, 6), "carry": (24, 6)}
+COLUMNS = {"compose": (24, 24), "transform": (28, 24), "force": (28, 6, 6), "transform_force": (24, 6)}
 BUILDS = importlib.util.find_spec("numba") is not None and shutil.which("cc") is not None
 
 seeds = st.integers(0, 2**32 - 1)
@@ -166,8 +166,8 @@ def test_paths_are_associative(samples, seed):
 def test_move_across_two_paths(samples, seed):
     segment = np.random.default_rng(seed).normal(size=(samples, 28))
     upper, lower = paths(2, samples, seed)
-    one_by_one = kernels.move(kernels.move(segment, lower), upper)
-    assert relative_error(one_by_one, kernels.move(segment, kernels.compose(upper, lower))) < 1e-13
+    one_by_one = kernels.transform(kernels.transform(segment, lower), upper)
+    assert relative_error(one_by_one, kernels.transform(segment, kernels.compose(upper, lower))) < 1e-13
 
 
 @given(name=names, samples=st.integers(1, 40), data=st.data(), seed=seeds)
@@ -277,7 +277,7 @@ def test_rank_does_not_wait_for_long(tmp_path):
 @builds
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="features of x86-64")
 def test_processor_made_to_lack_features(cache, tmp_path):
-    ask = "import re; from mp2a.kernels import library; code = library.assembly('carry'); "
+    ask = "import re; from mp2a.kernels import library; code = library.assembly('transform_force'); "
     ask += "print(0, library._purpose(), *[len(re.findall(f'%{r}mm', code)) for r in 'xyz'])"
     _, told = report(start(tmp_path / "cache", ask, MP2A_CPU_FEATURES="-sse3"))
     purpose, small, *wide = told.split()

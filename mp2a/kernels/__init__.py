@@ -1,4 +1,4 @@
-"""Putting segments together, compiled: the same results as numpy's versions, tens of times faster.
+"""Algebra of segments, compiled: the same results as numpy's versions, tens of times faster.
 
 Arrays may have any leading axes, which must agree or broadcast; C-contiguous arrays of doubles with the same leading
 axes go straight to the compiled code, others are copied first. ``out`` may be one of the inputs, but must not overlap
@@ -8,7 +8,7 @@ The first call loads the compiled code and builds it where it is not there (`loa
 versions do the work; `status` says why.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any, NamedTuple, cast
 
@@ -69,7 +69,7 @@ def pointer(array: NDArray[Any]) -> int:
     return id(array) + _POINTER
 
 
-STEPS = ("start", "await", "compose", "move", "carry", "add", "product", "push")
+STEPS = ("start", "await", "compose", "transform", "transform_force", "add", "product", "push")
 """What `rounds` can do, in the order of the numbers that mean it."""
 
 
@@ -118,12 +118,12 @@ def _read_pointer(array: Array) -> int | None:
 
 
 def compose(upper: Array, lower: Array, out: Array | None = None) -> Array:
-    """Put a path above another one; see `mp2a.algebra.motion.compose`.
+    """Put a relative motion above another one; see `mp2a.algebra.motion.compose`.
 
     Parameters
     ----------
     upper, lower
-        Segments ``(..., 24)``.
+        Relative motions ``(..., 24)``.
     out
         Where to put the result.
 
@@ -132,27 +132,18 @@ def compose(upper: Array, lower: Array, out: Array | None = None) -> Array:
     numpy.ndarray
         ``(..., 24)``
     """
-    shape = upper.shape
-    run = _run.get("compose")
-    if run is None or shape[-1:] != (24,) or not (_is_plain(upper, shape) and _is_plain(lower, shape)):
-        return _general("compose", out, upper, lower)
-    if out is None:
-        out = np.empty(shape)
-    elif not _is_target(out, shape):
-        return _general("compose", out, upper, lower)
-    run(upper.size // 24, id(out) + _POINTER, id(upper) + _POINTER, id(lower) + _POINTER)
-    return out
+    return _apply(_COMPOSE, out, upper, lower)
 
 
-def move(segment: Array, path: Array, out: Array | None = None) -> Array:
-    """Carry segments across paths, to the bodies at the paths' upper ends; see `mp2a.algebra.inertia.transform`.
+def transform(segment: Array, path: Array, out: Array | None = None) -> Array:
+    """Take composite inertias across paths, to the bodies at the upper ends; see `mp2a.algebra.inertia.transform`.
 
     Parameters
     ----------
     segment
-        ``(..., 28)`` about the lower body's origin.
+        Composite inertias ``(..., 28)`` about the lower body's origin.
     path
-        ``(..., 24)``
+        Relative motions ``(..., 24)``.
     out
         Where to put the result.
 
@@ -161,26 +152,16 @@ def move(segment: Array, path: Array, out: Array | None = None) -> Array:
     numpy.ndarray
         ``(..., 28)`` about the upper body's origin.
     """
-    lead = path.shape[:-1]
-    shape = (*lead, 28)
-    run = _run.get("move")
-    if run is None or not (_is_plain(segment, shape) and _is_plain(path, (*lead, 24))):
-        return _general("move", out, segment, path)
-    if out is None:
-        out = np.empty(shape)
-    elif not _is_target(out, shape):
-        return _general("move", out, segment, path)
-    run(path.size // 24, id(out) + _POINTER, id(segment) + _POINTER, id(path) + _POINTER)
-    return out
+    return _apply(_TRANSFORM, out, segment, path)
 
 
 def force(segment: Array, velocity: Array, acceleration: Array, out: Array | None = None) -> Array:
-    """Force that segments take for motions of their bodies; see `mp2a.algebra.inertia.force`.
+    """Return the force that composite inertias take for motions of their bodies; see `mp2a.algebra.inertia.force`.
 
     Parameters
     ----------
     segment
-        ``(..., 28)``
+        Composite inertias ``(..., 28)``.
     velocity, acceleration
         Of the body, ``(..., 6)``: rad/s and m/s, and the *spatial* acceleration, rad/s² and m/s².
     out
@@ -191,27 +172,16 @@ def force(segment: Array, velocity: Array, acceleration: Array, out: Array | Non
     numpy.ndarray
         ``[torque; force]``, ``(..., 6)``, N m and N.
     """
-    shape = velocity.shape
-    run = _run.get("force")
-    plain = run is not None and shape[-1:] == (6,) and _is_plain(velocity, shape) and _is_plain(acceleration, shape)
-    if run is None or not (plain and _is_plain(segment, (*shape[:-1], 28))):
-        return _general("force", out, segment, velocity, acceleration)
-    if out is None:
-        out = np.empty(shape)
-    elif not _is_target(out, shape):
-        return _general("force", out, segment, velocity, acceleration)
-    arrays = id(segment) + _POINTER, id(velocity) + _POINTER, id(acceleration) + _POINTER
-    run(velocity.size // 6, id(out) + _POINTER, *arrays)
-    return out
+    return _apply(_FORCE, out, segment, velocity, acceleration)
 
 
-def carry(path: Array, force: Array, out: Array | None = None) -> Array:
+def transform_force(path: Array, force: Array, out: Array | None = None) -> Array:
     """Take forces from the lower to the upper ends of paths; see `mp2a.spatial.force_to_parent`.
 
     Parameters
     ----------
     path
-        ``(..., 24)``; only its rotation and its translation count.
+        Relative motions ``(..., 24)``, of which only the rotation and the translation count.
     force
         ``[torque; force]`` in the lower frame and about its origin, ``(..., 6)``, N m and N.
     out
@@ -222,33 +192,43 @@ def carry(path: Array, force: Array, out: Array | None = None) -> Array:
     numpy.ndarray
         The same in the upper frame and about its origin, ``(..., 6)``.
     """
-    shape = force.shape
-    run = _run.get("carry")
-    if run is None or shape[-1:] != (6,) or not (_is_plain(force, shape) and _is_plain(path, (*shape[:-1], 24))):
-        return _general("carry", out, path, force)
+    return _apply(_TRANSFORM_FORCE, out, path, force)
+
+
+class _Kernel(NamedTuple):
+    name: str
+    width: int
+    """Numbers a sample in the result."""
+    columns: tuple[int, ...]
+    """Numbers a sample in each input."""
+
+
+_COMPOSE = _Kernel("compose", 24, (24, 24))
+_TRANSFORM = _Kernel("transform", 28, (28, 24))
+_FORCE = _Kernel("force", 6, (28, 6, 6))
+_TRANSFORM_FORCE = _Kernel("transform_force", 6, (24, 6))
+
+
+def _apply(kernel: _Kernel, out: Array | None, *inputs: Array) -> Array:
+    """Call the compiled code with arrays as they are, or else have `_apply_general` see to them."""
+    name, width, columns = kernel
+    run, lead = _run.get(name), inputs[0].shape[:-1]
+    if run is None:
+        return _apply_general(kernel, out, inputs)
+    for array, count in zip(inputs, columns, strict=True):
+        if array.shape != (*lead, count) or array.dtype is not _DOUBLE or not array.flags.c_contiguous:
+            return _apply_general(kernel, out, inputs)
     if out is None:
-        out = np.empty(shape)
-    elif not _is_target(out, shape):
-        return _general("carry", out, path, force)
-    run(force.size // 6, id(out) + _POINTER, id(path) + _POINTER, id(force) + _POINTER)
+        out = np.empty((*lead, width))
+    elif out.shape != (*lead, width) or out.dtype is not _DOUBLE or not out.flags.carray:
+        return _apply_general(kernel, out, inputs)
+    run(out.size // width, id(out) + _POINTER, *[id(array) + _POINTER for array in inputs])
     return out
 
 
-def _is_plain(array: Array, shape: tuple[int, ...]) -> bool:
-    return array.shape == shape and array.dtype is _DOUBLE and array.flags.c_contiguous
-
-
-def _is_target(array: Array, shape: tuple[int, ...]) -> bool:
-    return array.shape == shape and array.dtype is _DOUBLE and array.flags.carray
-
-
-_COLUMNS = {"compose": (24, 24, 24), "move": (28, 28, 24), "force": (6, 28, 6, 6), "carry": (6, 24, 6)}
-"""Numbers a sample in the result and in the inputs."""
-
-
-def _general(name: str, out: Array | None, *inputs: Array) -> Array:
+def _apply_general(kernel: _Kernel, out: Array | None, inputs: Sequence[Array]) -> Array:
     """Do what the compiled code does not take as it is."""
-    width, *columns = _COLUMNS[name]
+    name, width, columns = kernel
     for array, count in zip(inputs, columns, strict=True):
         if array.ndim == 0 or array.shape[-1] != count:
             raise ValueError(f"{name}: the last axis of an input must have {count} numbers, not shape {array.shape}")
@@ -259,8 +239,7 @@ def _general(name: str, out: Array | None, *inputs: Array) -> Array:
         pairs = zip(inputs, columns, strict=True)
         arrays = [np.ascontiguousarray(np.broadcast_to(x, (*lead, count)), np.float64) for x, count in pairs]
         result = np.empty((*lead, width))
-        samples = result.size // width
-        _run[name](samples, id(result) + _POINTER, *(id(array) + _POINTER for array in arrays))
+        _run[name](result.size // width, id(result) + _POINTER, *(id(array) + _POINTER for array in arrays))
     else:
         result = numpy_version(name)(*inputs)
     if out is None:
@@ -276,13 +255,13 @@ def numpy_version(name: str) -> Callable[..., Array]:
 
     versions: dict[str, Callable[..., Array]] = {
         "compose": motion.compose,
-        "move": inertia.transform,
+        "transform": inertia.transform,
         "force": inertia.force,
-        "carry": _carry,
+        "transform_force": _transform_force,
     }
     return versions[name]
 
 
-def _carry(path: Array, force: Array) -> Array:
+def _transform_force(path: Array, force: Array) -> Array:
     rotation = path[..., :9].reshape(*path.shape[:-1], 3, 3)
     return force_to_parent(rotation, path[..., 9:12], force)

@@ -1,7 +1,7 @@
 /* Threads that share the pieces of a job, without the interpreter: who has just worked looks out for the next job for a
    while, since waking a thread takes longer than many a job.
 
-   mp2a/kernels/threads.py keeps the crew; mp2a/kernels/library.py links this with the compiled kernels. */
+   mp2a/kernels/thread_pool.py keeps the crew; mp2a/kernels/library.py links this with the compiled kernels. */
 
 typedef long long integer;
 

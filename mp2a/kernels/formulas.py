@@ -57,13 +57,13 @@ def force(load: Numbers, velocity: Numbers, acceleration: Numbers) -> Numbers:
     return angular + linear
 
 
-def carry(path: Numbers, force: Numbers) -> Numbers:
+def transform_force(path: Numbers, force: Numbers) -> Numbers:
     """Take a force from the lower to the upper end of a path."""
     linear = apply(path[0:9], force[3:6])
     return add(apply(path[0:9], force[0:3]), cross(path[9:12], linear)) + linear
 
 
-def move(load: Numbers, path: Numbers) -> Numbers:
+def transform(load: Numbers, path: Numbers) -> Numbers:
     """Take a load from the lower to the upper end of a path."""
     m, h, j = load[0], load[1:4], load[4:10]
     r, p, w, v = path[0:9], path[9:12], path[12:15], path[15:18]
@@ -76,7 +76,7 @@ def move(load: Numbers, path: Numbers) -> Numbers:
     rest = (
         scaled(h, p, m)
         + add_symmetric(turned(r, j), minus_twice(p, middle))
-        + carry(path, angular_force + linear_force)
+        + transform_force(path, angular_force + linear_force)
         + add_symmetric(turned(r, rate), minus_twice(p, linear))
         + add(angular, cross(p, linear))
         + linear

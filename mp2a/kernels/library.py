@@ -30,18 +30,18 @@ from mp2a.cores import usable_cores
 
 Run = Callable[..., int | None]
 """A kernel. Those of segments are ``f(count, out, *inputs)``: number of samples, and for each array the address of the
-pointer to its numbers; for "rounds" see ``rounds.c``, for the others `mp2a.kernels.recursion`."""
+pointer to its numbers; for "rounds" see ``rounds.c``, for the others `mp2a.kernels.rnea`."""
 
 ARGUMENTS = {
     "compose": "nppp",
-    "move": "nppp",
+    "transform": "nppp",
     "force": "npppp",
-    "carry": "nppp",
+    "transform_force": "nppp",
     **dict.fromkeys(
         (
             "rnea_double", "rnea_double_bodies", "rnea_single", "rnea_single_bodies",
-            "rnea_lanes", "rnea_lanes_bodies", "reach",
-            "reach_lanes",
+            "rnea_lanes", "rnea_lanes_bodies", "reduce_block",
+            "reduce_block_lanes",
         ),
         "nnnnn",
     ),

@@ -7,7 +7,7 @@
 typedef long long integer;
 
 /* In the order of STEPS in mp2a/kernels/__init__.py. */
-enum { START, AWAIT, COMPOSE, MOVE, CARRY, ADD, PRODUCT, PUSH };
+enum { START, AWAIT, COMPOSE, TRANSFORM, TRANSFORM_FORCE, ADD, PRODUCT, PUSH };
 
 struct step {
     integer what, count;
@@ -24,8 +24,8 @@ struct program {
 };
 
 void mp2a_compose(integer, double **, double **, double **);
-void mp2a_move(integer, double **, double **, double **);
-void mp2a_carry(integer, double **, double **, double **);
+void mp2a_transform(integer, double **, double **, double **);
+void mp2a_transform_force(integer, double **, double **, double **);
 int sched_yield(void);
 
 static void add(integer count, double *out, const double *part)
@@ -82,8 +82,8 @@ integer mp2a_rounds(const struct program *program, integer first, integer last)
             }
             break;
         case COMPOSE: mp2a_compose(step->count, a, a + 1, a + 2); break;
-        case MOVE: mp2a_move(step->count, a, a + 1, a + 2); break;
-        case CARRY: mp2a_carry(step->count, a, a + 1, a + 2); break;
+        case TRANSFORM: mp2a_transform(step->count, a, a + 1, a + 2); break;
+        case TRANSFORM_FORCE: mp2a_transform_force(step->count, a, a + 1, a + 2); break;
         case ADD: add(step->count, a[0], a[1]); break;
         case PRODUCT: product(step->count, a[0], a[1], a[2]); break;
         case PUSH: push(step->count, a[0], a[1], a[2], a[3]); break;

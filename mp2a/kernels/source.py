@@ -6,10 +6,10 @@ from typing import Any
 import numba
 
 from mp2a.kernels import formulas
+from mp2a.kernels.elementwise import elementwise
 from mp2a.kernels.lanes import DOUBLE, SINGLE
-from mp2a.kernels.reach import reach
-from mp2a.kernels.recursion import recursion
-from mp2a.kernels.samplewise import samplewise
+from mp2a.kernels.reduce_block import reduce_block
+from mp2a.kernels.rnea import rnea
 from mp2a.kernels.symbols import LANES, Formula
 
 
@@ -22,7 +22,7 @@ def _kernel(formula: Formula, columns: Sequence[int]) -> Callable[..., None]:
         ``f(count, out, *inputs)`` for numba, with the number of samples and, for each array of ``(count, columns)``
         doubles, the address of a pointer to it.
     """
-    block, single = samplewise(formula, columns, block=True), samplewise(formula, columns, block=False)
+    block, single = elementwise(formula, columns, block=True), elementwise(formula, columns, block=False)
 
     @numba.njit(forceinline=True)
     def run(count: Any, out: Any, inputs: Any) -> None:
@@ -44,16 +44,16 @@ def _kernel(formula: Formula, columns: Sequence[int]) -> Callable[..., None]:
 
 KERNELS = {
     "compose": _kernel(formulas.compose, (24, 24)),
-    "move": _kernel(formulas.move, (28, 24)),
+    "transform": _kernel(formulas.transform, (28, 24)),
     "force": _kernel(formulas.force, (28, 6, 6)),
-    "carry": _kernel(formulas.carry, (24, 6)),
-    "rnea_double": recursion(DOUBLE, bodies=False),
-    "rnea_double_bodies": recursion(DOUBLE, bodies=True),
-    "rnea_lanes": recursion(DOUBLE, bodies=False, lanewise=True),
-    "rnea_lanes_bodies": recursion(DOUBLE, bodies=True, lanewise=True),
-    "reach": reach(DOUBLE),
-    "reach_lanes": reach(DOUBLE, lanewise=True),
-    "rnea_single": recursion(SINGLE, bodies=False),
-    "rnea_single_bodies": recursion(SINGLE, bodies=True),
+    "transform_force": _kernel(formulas.transform_force, (24, 6)),
+    "rnea_double": rnea(DOUBLE, bodies=False),
+    "rnea_double_bodies": rnea(DOUBLE, bodies=True),
+    "rnea_lanes": rnea(DOUBLE, bodies=False, per_lane=True),
+    "rnea_lanes_bodies": rnea(DOUBLE, bodies=True, per_lane=True),
+    "reduce_block": reduce_block(DOUBLE),
+    "reduce_block_lanes": reduce_block(DOUBLE, per_lane=True),
+    "rnea_single": rnea(SINGLE, bodies=False),
+    "rnea_single_bodies": rnea(SINGLE, bodies=True),
 }
 """What the shared object holds, by name."""

@@ -14,7 +14,7 @@ _OUTWARDS = {MOTION: LONGER}
 _INWARDS = {
     FORCE: Use(
         "carried",
-        before=(Operation("carry", "carried", ("path@motion", "force")),),
+        before=(Operation("transform_force", "carried", ("path@motion", "force")),),
         after=(Operation("add", "force", ("<carried",)),),
     )
 }

@@ -22,7 +22,7 @@ _USES = {
     MOTION: LONGER,
     FORCE: Use(
         "upwards",
-        before=(Operation("move", "upwards", ("below", "path")),),
+        before=(Operation("transform", "upwards", ("below", "path")),),
         after=(Operation("add", "below", ("<upwards",)),),
     ),
 }

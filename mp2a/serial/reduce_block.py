@@ -28,10 +28,10 @@ def reduce_block(
     load
         About what the chain hangs on, ``(T, 28)``, as `mp2a.algebra.inertia` has it; None if it is not asked for.
     """
-    reduce = long.segment if long.fits(model, state.samples) else batch.segment
-    result = reduce(model, state, load=loaded, threads=threads)
-    if result is not None and result.sound:
-        return result.path, result.load
+    reduce = long.reduce_block if long.fits(model, state.samples) else batch.reduce_block
+    result = reduce(model, state, inertia=loaded, threads=threads)
+    if result is not None and result.valid:
+        return result.path, result.inertia
     return reduce_block_numpy(model, state)
 
 
@@ -39,9 +39,9 @@ def reduce_block_numpy(model: Model, state: JointState) -> tuple[Array, Array]:
     """Do what `reduce_block` does, with the composite inertia."""
     paths = motion.from_joint(joint_motion(model, state))
     loads = inertia.from_body(model.masses, model.coms, model.origin_inertias, state.external, state.samples)
-    whole, below = paths[0], kernels.move(loads[-1], paths[-1])
+    whole, below = paths[0], kernels.transform(loads[-1], paths[-1])
     for path in paths[1:]:
         whole = kernels.compose(whole, path)
     for path, own in zip(paths[-2::-1], loads[-2::-1], strict=True):
-        below = kernels.move(below + own, path)
+        below = kernels.transform(below + own, path)
     return whole, below

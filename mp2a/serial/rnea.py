@@ -66,14 +66,14 @@ def rnea(
     """
     form = np.dtype(dtype)
     motion = batch.pack_base(base)
-    result: batch.Result | None
+    result: batch.KernelResult | None
     if form == np.float64 and long.fits(model, state.samples):
-        result = long.recursion(model, state, motion, distal_force, bodies=bodies, threads=threads)
+        result = long.rnea(model, state, motion, distal_force, bodies=bodies, threads=threads)
     else:
-        result = batch.recursion(
+        result = batch.rnea(
             model, state, motion, distal_force, bodies=bodies, threads=threads, dtype=form, out=out, rows=rows
         )
-    if result is None or not result.sound:
+    if result is None or not result.valid:
         check_values(model, state)
         torque, table, base_force = rnea_numpy(model, state, base, distal_force)
         assert table is not None

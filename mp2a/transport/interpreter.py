@@ -17,8 +17,8 @@ ADD = "add"
 
 FUNCTIONS: dict[str, Callable[..., Array]] = {
     "compose": kernels.compose,
-    "move": kernels.move,
-    "carry": kernels.carry,
+    "transform": kernels.transform,
+    "transform_force": kernels.transform_force,
     "product": affine.product,
     "push": affine.push,
 }

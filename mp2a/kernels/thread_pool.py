@@ -21,7 +21,7 @@ _LOOKS, _FEW_LOOKS = 20_000, 1_000
 millisecond; after jobs of milliseconds hardly, for who looks slows the caller down."""
 
 
-class Crew:
+class ThreadPool:
     """Helpers for jobs that may be short, to which handing over from Python would add half (``crew.c``).
 
     They are started when first needed, look out for jobs for a while after each, and then sleep. The crew serves one
@@ -40,7 +40,7 @@ class Crew:
         Parameters
         ----------
         kernel
-            As `mp2a.kernels.recursion` describes it.
+            As `mp2a.kernels.rnea` describes it.
         job
             What it is to do.
         chunks, pieces
@@ -99,12 +99,12 @@ class Crew:
             self._wake.acquire()
 
 
-CREW = Crew()
+THREAD_POOL = ThreadPool()
 
 
 def _start_anew() -> None:
     """Forget the threads of the parent process, of which a forked one has none."""
-    CREW.__init__()  # type: ignore[misc]
+    THREAD_POOL.__init__()  # type: ignore[misc]
 
 
 os.register_at_fork(after_in_child=_start_anew)
