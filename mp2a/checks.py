@@ -66,7 +66,7 @@ def unit_axes(axes: NDArray[np.float64], needed: NDArray[np.bool_]) -> NDArray[n
     scaled = axes / np.where(largest == 0, 1.0, largest)[:, None]
     lengths = np.linalg.norm(scaled, axis=1)
     # An axis that is of unit length to rounding stays as it is, so that a model survives save, load and conversion.
-    exact = np.abs(lengths * largest - 1) < 1e-15
+    exact = np.abs(lengths * np.minimum(largest, 2.0) - 1) < 1e-15
     unit = np.where(exact[:, None], axes, scaled / np.where(lengths == 0, 1.0, lengths)[:, None])
     return np.where(needed[:, None], unit, 0.0)
 

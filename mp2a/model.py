@@ -95,6 +95,11 @@ class Model:
             i = int(np.argmax(arrays["masses"] < 0))
             raise InputError(f"masses: got {arrays['masses'][i]} for body {i}, expected no negative mass")
         arrays["inertias"] = symmetric_inertias(arrays["inertias"])
+        with np.errstate(over="ignore", invalid="ignore"):
+            about_origins = inertia_at_origin(arrays["masses"], arrays["coms"], arrays["inertias"])
+        if not np.isfinite(about_origins).all():
+            i = int(np.argwhere(~np.isfinite(about_origins))[0, 0])
+            raise InputError(f"coms: got {arrays['coms'][i].tolist()} for body {i}, expected a finite inertia there")
         for name, value in {"parents": parents, **arrays}.items():
             object.__setattr__(self, name, read_only(value))
         object.__setattr__(self, "joints", joints)

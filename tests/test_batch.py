@@ -19,6 +19,7 @@ import mp2a
 from mp2a import InputError, Model, cores, kernels
 from mp2a.joint_kinematics import BaseMotion
 from mp2a.kernels import batch, library, long
+from mp2a.methods import METHODS
 from mp2a.serial import reduce_block_numpy, rnea_numpy
 from mp2a.spatial import to_linear_first
 from mp2a.validation import check_shapes, check_state
@@ -121,9 +122,59 @@ def test_results_of_an_earlier_call_are_filled_again(n, samples):
     for name in RESULTS:
         assert np.shares_memory(getattr(again, name), getattr(first, name))
         assert np.array_equal(getattr(first, name), getattr(expected, name))
-    for wrong in (np.empty((1, 1)), mp2a.rnea(model, *new, bodies=True, method="sweep") if n < 10 else expected.torque):
+    assert again is first
+    apart = [getattr(first, name).copy() for name in RESULTS]
+    for wrong in (np.empty((1, 1)), expected.torque, mp2a.InverseDynamics(*apart, first.placement)):
         with pytest.raises(InputError, match="out: got"):
             mp2a.rnea(model, *new, bodies=True, out=wrong)
+
+
+@pytest.mark.parametrize("samples", [None, 21])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("method", ["serial", *METHODS])
+def test_every_method_fills_all_of_an_earlier_result(method, samples, dtype):
+    model = Model.random(6, joints=ALL_JOINTS)
+    old, new = (model.random_state(samples, seed) for seed in (1, 2))
+    expected = mp2a.rnea(model, *new, bodies=True, method=method, dtype=dtype)
+    for first_method in ("serial", "sweep"):
+        earlier = mp2a.rnea(model, *old, bodies=True, method=first_method, dtype=dtype)
+        arrays = [getattr(earlier, name) for name in RESULTS]
+        assert not np.array_equal(earlier.placement.translation, expected.placement.translation)
+        assert mp2a.rnea(model, *new, bodies=True, method=method, dtype=dtype, out=earlier) is earlier
+        for name, array in zip(RESULTS, arrays, strict=True):
+            assert getattr(earlier, name) is array
+            assert array.dtype == dtype
+            assert np.array_equal(array, getattr(expected, name))
+        for got, wanted in zip(earlier.placement, expected.placement, strict=True):
+            assert got.dtype == dtype
+            assert np.array_equal(got, wanted)
+
+
+@pytest.mark.parametrize("samples", [None, 1, 21])
+@pytest.mark.parametrize("method", ["serial", "sweep"])
+@pytest.mark.parametrize("part", ["velocity", "acceleration", "force"])
+@pytest.mark.parametrize("argument", ["q", "v", "a", "external_forces"])
+def test_an_earlier_result_may_overlap_the_input(argument, part, method, samples):
+    model = Model.uniform(6)
+    arguments = dict(zip("qva", model.random_state(samples), strict=True))
+    result = mp2a.rnea(model, **arguments, bodies=True)
+    rows = getattr(result, part)
+    arguments[argument] = rows if argument == "external_forces" else rows[..., :6, 2]
+    expected = mp2a.rnea(model, **{name: array.copy() for name, array in arguments.items()}, bodies=True, method=method)
+    mp2a.rnea(model, **arguments, bodies=True, method=method, out=result)
+    for name in RESULTS:
+        assert np.array_equal(getattr(result, name), getattr(expected, name)), name
+    for got, wanted in zip(result.placement, expected.placement, strict=True):
+        assert np.array_equal(got, wanted)
+
+
+def test_torque_and_motion_of_a_result_may_not_overlap():
+    model = Model.uniform(6)
+    state = model.random_state(3)
+    result = mp2a.rnea(model, *state, bodies=True)
+    result.torque = result.force[..., 2]
+    with pytest.raises(InputError, match="out: got a torque that shares memory"):
+        mp2a.rnea(model, *state, bodies=True, out=result)
 
 
 @pytest.mark.parametrize("order", "CF")
