@@ -133,11 +133,7 @@ def rnea(
         )  # fmt: skip
     else:
         check_values(model, state)
-        chosen = METHODS[method]
-        made = chosen.solve(model, state, field, chosen.schedule(model.parents), LocalTransport(len(model)))
-        torque = _filled(made.torque, torque_out, form)
-        rows = np.concatenate((made.velocity, made.acceleration, made.force), axis=-1).swapaxes(0, 1)
-        table = _filled(rows, table_out, form) if bodies else None
+        torque, table = _by_messages(method, model, state, field, form, (torque_out, table_out), bodies=bodies)
     if table is None or places is None:
         return torque[0] if state.single else torque
     if isinstance(out, InverseDynamics):
@@ -146,6 +142,27 @@ def rnea(
     if state.single:
         torque, table = torque[0], table[0]
     return InverseDynamics(table[..., :6], table[..., 6:12], table[..., 12:], torque, places)
+
+
+def _by_messages(
+    method: str, model: Model, state: JointState, gravity: Array, form: np.dtype,
+    targets: tuple[Array | None, Array | None], *, bodies: bool,
+) -> tuple[Array, Array | None]:  # fmt: skip
+    """Torques ``(T, nv)``, and motion and force ``(T, n, 18)``, of robots that exchange messages in this process."""
+    chosen = METHODS[method]
+    result = chosen.solve(model, state, gravity, chosen.schedule(model.parents), LocalTransport(len(model)))
+    torque, table = targets
+    if torque is None:
+        torque = result.torque.astype(form, copy=False)
+    else:
+        torque[...] = result.torque
+    if not bodies:
+        return torque, None
+    if table is None:
+        table = np.empty((state.samples, len(model), 18), form)
+    for k, part in enumerate((result.velocity, result.acceleration, result.force)):
+        table[..., 6 * k : 6 * k + 6] = part.swapaxes(0, 1)
+    return torque, table
 
 
 def placements(model: "Model | pinocchio.Model", q: ArrayLike) -> Placement:
@@ -188,13 +205,6 @@ def _format(dtype: DTypeLike) -> np.dtype:
     if form not in NUMBER_FORMATS:
         raise InputError(f"dtype: got {form}, expected float64 or float32")
     return form
-
-
-def _filled(values: Array, target: Array | None, form: np.dtype) -> Array:
-    if target is None:
-        return values.astype(form, copy=False)
-    target[...] = values
-    return target
 
 
 def _targets(

@@ -270,7 +270,7 @@ def test_base_moves_and_tip_is_pushed(n, samples, seed, moving):
     parts = {
         field.name: np.concatenate((getattr(carrier, field.name), getattr(model, field.name)))
         for field in dataclasses.fields(Model)
-        if field.name not in ("parents", "joints", "names")
+        if field.name not in ("parents", "joints", "names", "gravity")
     }
     whole = Model(np.append(-1, model.parents + 1), carrier.joints + model.joints, **parts)
     q, v, a = whole.random_state(samples, seed)
