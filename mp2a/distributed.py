@@ -15,7 +15,7 @@ from mp2a.distributed_setup import choose_method, duplicate, set_up
 from mp2a.exceptions import InputError
 from mp2a.methods import METHODS
 from mp2a.methods.auto import AUTO
-from mp2a.methods.block import Block, cut
+from mp2a.methods.block import Block
 from mp2a.methods.values import record_broadcast, record_to_children
 from mp2a.model import Model
 from mp2a.mpi import MPI
@@ -23,9 +23,9 @@ from mp2a.network import EmulatedNetwork
 from mp2a.program.calls import Call, Calls, Prepared
 from mp2a.program.operations import NOTHING
 from mp2a.program.rank import RankProgram
-from mp2a.results import InverseDynamics
+from mp2a.results import InverseDynamics, Placement
 from mp2a.schedule import Schedule
-from mp2a.spatial import GRAVITY, Array
+from mp2a.spatial import Array
 from mp2a.validation import JointState, check_state
 
 
@@ -51,7 +51,7 @@ class DistributedModel:
         One of `mp2a.methods.METHODS`, or "auto": the one that needs least time by the formation, the samples and what
         the network costs, which is measured between two ranks; `choice` says which and why.
     gravity
-        ``(3,)`` m/s² in the base frame.
+        ``(3,)`` m/s² in the base frame; None: the model's own.
     counts
         How many bodies each rank holds: as many whole numbers of at least 1 as there are ranks, whose sum is the number
         of bodies. None: as even as possible, the larger blocks first.
@@ -104,7 +104,7 @@ class DistributedModel:
         comm: MPI.Intracomm,
         model: Model | str | Path,
         method: str = AUTO,
-        gravity: ArrayLike = GRAVITY,
+        gravity: ArrayLike | None = None,
         *,
         counts: Sequence[int] | None = None,
         samples: int = 1,
@@ -125,7 +125,7 @@ class DistributedModel:
         rank = self._comm.Get_rank()
         self._link, self._rank, self._serial = link, rank, whole.is_serial
         self.bodies = range(sum(counts[:rank]), sum(counts[: rank + 1]))
-        self.part = cut(whole, self.bodies) if self._blocks else whole.body(rank)
+        self.part = whole.block(self.bodies) if self._blocks else whole.body(rank)
         self.q_columns, self.v_columns = (
             slice(int(starts[self.bodies.start]), int(starts[self.bodies.stop]))
             for starts in (whole.q_starts, whole.v_starts)
@@ -192,14 +192,14 @@ class DistributedModel:
             return torque[0] if state.single else torque
         body, torque = self._block.results(scan)
         if scan["path"] is None:
-            rotation, position = self.placement(q)
+            placement = self.placement(q)
         else:
-            rotation, position = (self._own(x, state) for x in self._block.placements(scan["path"]))
+            placement = Placement(*(self._own(x, state) for x in self._block.placements(scan["path"])))
         velocity, acceleration, force = (self._own(x, state) for x in body)
         torque = torque[0] if state.single else torque
-        return InverseDynamics(velocity, acceleration, force, torque, rotation, position)
+        return InverseDynamics(velocity, acceleration, force, torque, placement)
 
-    def placement(self, q: ArrayLike) -> tuple[Array, Array]:
+    def placement(self, q: ArrayLike) -> Placement:
         """Where this rank's bodies are, by the rounds of motion alone; collective.
 
         Parameters
@@ -209,9 +209,9 @@ class DistributedModel:
 
         Returns
         -------
-        tuple of numpy.ndarray
-            Rotation from this body's to the base frame ``(3, 3)`` and position of its origin ``(3,)`` m, with T in
-            front if ``q`` has it. If there are more bodies than ranks, of its m bodies: ``(m, 3, 3)`` and ``(m, 3)``.
+        Placement
+            Of this rank's body, ``(3, 3)`` and ``(3,)`` m, with T in front if ``q`` has it. If there are more bodies
+            than ranks, of its m bodies: ``(m, 3, 3)`` and ``(m, 3)``.
 
         Raises
         ------
@@ -224,8 +224,7 @@ class DistributedModel:
             return self._prepare(program, q, still, still, None)
 
         state, found = self._calls.run("placement", prepare)
-        rotation, position = (self._own(x, state) for x in self._block.placements(found["path"]))
-        return rotation, position
+        return Placement(*(self._own(x, state) for x in self._block.placements(found["path"])))
 
     def broadcast(self, values: ArrayLike) -> Array:
         """Tell every robot what the first one of the chain knows, in ⌈log2 n⌉ rounds and n - 1 messages; collective.

@@ -75,7 +75,7 @@ def set_up(
     comm: MPI.Intracomm,
     model: Model | str | Path,
     method: str,
-    gravity: ArrayLike,
+    gravity: ArrayLike | None,
     counts: Sequence[int] | None,
     samples: int,
     network: EmulatedNetwork | None,
@@ -90,9 +90,9 @@ def set_up(
     error: Exception | None = None
     digest, setup = bytes(32), None
     try:
-        field = check_gravity(gravity)
         whole = _read(model)
         _check(whole, method)
+        field = check_gravity(whole, gravity)
         shares = _shares(counts, whole, comm.Get_size())
         count("samples", samples)
         setup = Setup(whole, field, shares, make_link(comm, network))

@@ -15,7 +15,7 @@ from mp2a.program.memory import Frame, lay_out
 from mp2a.program.recorder import Communicate
 from mp2a.program.replay import replay
 from mp2a.schedule import Round, Schedule, Transfer
-from mp2a.spatial import GRAVITY, Array
+from mp2a.spatial import Array
 from mp2a.transport.base import Parcel
 from mp2a.validation import check_state
 
@@ -57,7 +57,7 @@ def method(name: str, samples: int, seed: int = 0) -> Costs:
     middle = _ROBOTS // 2
     body = model.body(middle)
     state = check_state(body, *model.random_state(samples, seed, body=middle), None)
-    block = Block(body, 0, False, np.asarray(GRAVITY))
+    block = Block(body, 0, False, body.gravity)
     layout = lay_out(block.record(chosen, as_seen_by(middle, chosen.schedule(_ROBOTS))))
     names = [x.round.recurrence for x in layout.program.instructions if isinstance(x, Communicate)]
 

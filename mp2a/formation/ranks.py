@@ -6,7 +6,7 @@ from mp2a.distributed import DistributedModel
 from mp2a.exceptions import InputError
 from mp2a.formation.exchange import Bodies, bodies, state
 from mp2a.formation.plane import Motion
-from mp2a.results import InverseDynamics
+from mp2a.results import InverseDynamics, Placement
 from mp2a.spatial import Array
 
 
@@ -33,8 +33,7 @@ class OverRanks:
             if wrong is not None:
                 raise wrong
             q, v, a, forces = (x[:, 0] for x in state(joints, external))
-            done = rnea(q, v, a, forces, bodies=True)
-        rotation, position = done.rotation, done.position
-        assert rotation is not None and position is not None
-        own = InverseDynamics(*(x[:, None] for x in (done.velocity, done.acceleration, done.force, done.torque)))
-        return bodies(own, rotation[:, None], position[:, None])
+            result = rnea(q, v, a, forces, bodies=True)
+        velocity, acceleration, force = (x[:, None] for x in (result.velocity, result.acceleration, result.force))
+        placement = Placement(*(x[:, None] for x in result.placement))
+        return bodies(InverseDynamics(velocity, acceleration, force, result.torque, placement))

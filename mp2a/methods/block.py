@@ -13,14 +13,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mp2a.algebra import inertia, motion
-from mp2a.joint_kinematics import joint_torque
+from mp2a.joint_kinematics import BaseMotion, joint_torque
 from mp2a.methods.compact import MESSAGES, scan_motion
 from mp2a.methods.node import Method, Own
 from mp2a.model import Model
 from mp2a.program.operations import NOTHING, compose
 from mp2a.program.recorder import Program, Recorder
-from mp2a.recursion import recursion, segment
+from mp2a.results import Placement
 from mp2a.schedule import SHIFT, TAIL, Schedule
+from mp2a.serial import placements, reduce_block, rnea
 from mp2a.spatial import Array, apply, body_force, force_to_child
 from mp2a.validation import JointState
 
@@ -53,7 +54,7 @@ class Block:
 
     def __init__(self, bodies: Model, rank: int, on_base: bool, gravity: Array) -> None:
         self.bodies, self.head = bodies, bodies.body(0)
-        self.rest = cut(bodies, range(1, len(bodies))) if len(bodies) > 1 else None
+        self.rest = bodies.block(range(1, len(bodies))) if len(bodies) > 1 else None
         self._rank, self._on_base, self._gravity = rank, on_base, gravity
         self._state = self._behind = at_rest(bodies)
         self._across = motion.IDENTITY
@@ -97,8 +98,8 @@ class Block:
         behind_head = None
         if self.rest is not None:
             self._behind = part(self.bodies, state, range(1, len(self.bodies)))
-            self._across, behind_head = segment(self.rest, self._behind, loaded="inertia" in wanted)
-        out = {"joint": segment(self.head, own, loaded=False)[0][None]}
+            self._across, behind_head = reduce_block(self.rest, self._behind, loaded="inertia" in wanted)
+        out = {"joint": reduce_block(self.head, own, loaded=False)[0][None]}
         if "no_force" in wanted:
             out["no_force"] = np.zeros((1, state.samples, 6))
         if "across" in wanted:
@@ -117,7 +118,7 @@ class Block:
         if external is not None:
             out -= external[:1]
         if self.rest is not None:
-            out += recursion(self.rest, self._behind, _as_base(velocity[0], acceleration[0])).root.T
+            out += rnea(self.rest, self._behind, BaseMotion(velocity[0], acceleration[0])).base_force
         return out
 
     # ---- after the rounds --------------------------------------------------------------------------------------
@@ -127,7 +128,7 @@ class Block:
         torque = joint_torque(self.head, scan["force"])
         if self.rest is None:
             return torque
-        found = recursion(self.rest, self._behind, *self._ends(scan))
+        found = rnea(self.rest, self._behind, *self._ends(scan))
         return np.concatenate((torque, found.torque), axis=1)
 
     def results(self, scan: Mapping[str, Any]) -> tuple[BodyResults, Array]:
@@ -136,37 +137,30 @@ class Block:
         torque = joint_torque(self.head, head.force)
         if self.rest is None:
             return head, torque
-        found = recursion(self.rest, self._behind, *self._ends(scan), bodies=True)
+        found = rnea(self.rest, self._behind, *self._ends(scan), bodies=True)
         assert found.bodies is not None
         rows = found.bodies.swapaxes(0, 1)
         both = (np.concatenate((x, rows[..., k : k + 6])) for x, k in zip(head, (0, 6, 12), strict=True))
         return BodyResults(*both), np.concatenate((torque, found.torque), axis=1)
 
-    def placements(self, path: Array) -> tuple[Array, Array]:
-        """Rotation ``(m, T, 3, 3)`` and position ``(m, T, 3)`` of all bodies, from the head's path from the base."""
+    def placements(self, path: Array) -> Placement:
+        """Placements ``(m, T, …)`` of all bodies, from the head's path from the base."""
         whole = motion.view(path)
-        rotation, position = whole.rotation.copy(), whole.translation.copy()
+        rotation, translation = whole.rotation.copy(), whole.translation.copy()
         if self.rest is None:
-            return rotation, position
-        from mp2a.methods.local import paths_from_base
+            return Placement(rotation, translation)
+        rest = Placement(*(x.swapaxes(0, 1) for x in placements(self.rest, self._behind.q)))
+        behind = translation + apply(np.broadcast_to(rotation, rest.rotation.shape), rest.translation)
+        return Placement(np.concatenate((rotation, rotation @ rest.rotation)), np.concatenate((translation, behind)))
 
-        rest = motion.view(paths_from_base(self.rest, self._behind))
-        behind = position + apply(np.broadcast_to(rotation, rest.rotation.shape), rest.translation)
-        return np.concatenate((rotation, rotation @ rest.rotation)), np.concatenate((position, behind))
-
-    def _ends(self, scan: Mapping[str, Any]) -> tuple[Array, Array | None]:
+    def _ends(self, scan: Mapping[str, Any]) -> tuple[BaseMotion, Array | None]:
         """Motion of the base of the bodies behind the head, and the wrench on the last of them."""
-        base = _as_base(scan["velocity"][0], scan["acceleration"][0])
+        base = BaseMotion(scan["velocity"][0], scan["acceleration"][0])
         distal = scan["distal_force"]
         if distal is NOTHING:
             return base, None
         across = motion.view(self._across)
         return base, -force_to_child(across.rotation, across.translation, distal[0])
-
-
-def _as_base(velocity: Array, acceleration: Array) -> Array:
-    """Motion of a head as that of a base, ``(T, 12)``; classical acceleration."""
-    return np.concatenate((velocity[:, :3], acceleration, velocity[:, 3:]), axis=1)
 
 
 def at_rest(bodies: Model) -> JointState:
@@ -179,15 +173,6 @@ def even_counts(bodies: int, ranks: int) -> tuple[int, ...]:
     """Cut a chain into blocks as even as possible: the number of bodies of each rank, the larger ones first."""
     each, more = divmod(bodies, ranks)
     return (each + 1,) * more + (each,) * (ranks - more)
-
-
-def cut(model: Model, bodies: range) -> Model:
-    """Take consecutive bodies out of a serial chain, as a chain of their own."""
-    part = slice(bodies.start, bodies.stop)
-    return Model(
-        np.arange(len(bodies)) - 1, model.joints[part], model.axes[part], model.rotations[part],
-        model.translations[part], model.masses[part], model.coms[part], model.inertias[part], model.names[part],
-    )  # fmt: skip
 
 
 def part(model: Model, state: JointState, bodies: range) -> JointState:

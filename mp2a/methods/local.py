@@ -2,10 +2,8 @@
 
 import numpy as np
 
-from mp2a import schedule
 from mp2a.algebra import inertia, motion
 from mp2a.joint_kinematics import joint_motion
-from mp2a.methods.compact import MESSAGES, scan_motion
 from mp2a.methods.node import Method, Own, Scan
 from mp2a.model import Model
 from mp2a.program.local import LocalRounds
@@ -50,9 +48,3 @@ def solve(method: Method, model: Model, state: JointState, gravity: Array) -> tu
     path = motion.from_joint(joint_motion(model, state))
     own = Own(path, own_inertia, own_force, gravity, base, lambda: np.zeros((n, samples, 6)))
     return method.scan(own, rounds), rounds.transport
-
-
-def paths_from_base(model: Model, state: JointState) -> Array:
-    """Run the rounds of motion alone: paths from the base to all bodies, ``(n, T, 24)``."""
-    rounds = LocalRounds(schedule.motion(model.parents), MESSAGES)
-    return scan_motion(motion.from_joint(joint_motion(model, state)), rounds)[-1]

@@ -35,7 +35,7 @@ def agrees(formation, model, samples, seed, *, loaded=True):
     check(mine.torque.shape == whole.torque[..., vs].shape)
     check(relative_error(mine.torque, whole.torque[..., vs], whole.torque) < 1e-12, formation.method)
     place = mp2a.placements(model, q)
-    for ours, theirs in zip((mine.rotation, mine.position), place, strict=True):
+    for ours, theirs in zip(mine.placement, place, strict=True):
         part = np.moveaxis(np.moveaxis(theirs, len(lead), 0)[own], 0, len(lead))
         check(ours.shape == part.shape and np.allclose(ours, part, atol=1e-10), formation.method)
     doubles = METHODS[formation.method].doubles | block.DOUBLES
@@ -108,7 +108,7 @@ for method in METHODS:
             wrong_force = np.zeros((len(formation.bodies) + (bad == RANK), 6))
             spoilt = [part + np.nan if bad == RANK else part for part in state]
             odd = [part[:1] if bad == RANK else part for part in state]
-            cases = [(spoilt, None, f"rank {bad}"), (state, wrong_force, "external_force")]
+            cases = [(spoilt, None, f"rank {bad}"), (state, wrong_force, "external_forces")]
             for arguments, force, word in cases + [(odd, None, "samples")] * (SIZE > 1):
                 try:
                     formation.rnea(*arguments, force)

@@ -89,7 +89,7 @@ def calls(formation, model, samples, wrong=(SIZE // 2,), odd_numbers=(1, 3)):
             cut = [part[..., :0] if bad == RANK and k == place else part for k, part in enumerate(state)]
             same_error([f"rank {bad}", f"{name}: got shape"], formation.rnea, *cut)
         force = on(bad, np.ones(5), np.ones(6))
-        same_error([f"rank {bad}", "external_force", "(5,)"], formation.rnea, *state, force)
+        same_error([f"rank {bad}", "external_forces", "(5,)"], formation.rnea, *state, force)
         for others in odd_numbers:
             if SIZE > 1 and others != (samples or 1):
                 odd = model.random_state(others, body=RANK) if bad == RANK else state

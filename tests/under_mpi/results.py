@@ -32,7 +32,7 @@ for seed in range(4):
                         formation.rnea(q[..., qs], v[..., vs], a[..., vs], forces[..., RANK, :]), mine.torque
                     )
                 )
-                for ours, theirs in zip((mine.rotation, mine.position), mp2a.placements(model, q), strict=True):
+                for ours, theirs in zip(mine.placement, mp2a.placements(model, q), strict=True):
                     check(np.allclose(ours, theirs[RANK] if samples is None else theirs[:, RANK], atol=1e-10))
                 check(mine.torque.shape == whole.torque[..., vs].shape)
                 check(relative_error(mine.torque, whole.torque[..., vs], whole.torque) < 1e-12)

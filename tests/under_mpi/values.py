@@ -42,6 +42,6 @@ for branching in (1, 3):
         check(np.allclose(mine[0], rotation_of[:, RANK], atol=1e-12))
         check(np.allclose(mine[1], position_of[:, RANK], atol=1e-12))
         scan = formation.rnea(q[qs], v[vs], a[vs], bodies=True)
-        check(np.allclose(scan.rotation, rotation[RANK], atol=1e-12))
-        check(np.allclose(scan.position, position[RANK], atol=1e-12))
+        check(np.allclose(scan.placement.rotation, rotation[RANK], atol=1e-12))
+        check(np.allclose(scan.placement.translation, position[RANK], atol=1e-12))
 check.done()
