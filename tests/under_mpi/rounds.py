@@ -45,10 +45,8 @@ for method, branching in FORMATIONS:
             check(is_compiled(recorded) == compiled)
         # What a call returns stays as it is when the next one runs.
         first = recorded.rnea(*(part[0] for part in state), bodies=True)
-        kept = [
-            x.copy()
-            for x in (first.velocity, first.acceleration, first.force, first.torque, first.placement.translation)
-        ]
+        parts = (first.velocity, first.acceleration, first.force, first.torque, *first.placement)
+        kept = [x.copy() for x in parts]
         recorded.rnea(*(part[1] for part in state), bodies=True)
         check(all(np.array_equal(a, b) for a, b in zip(parts, kept, strict=True)))
 
