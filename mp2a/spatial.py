@@ -10,6 +10,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = [
+    "GRAVITY",
+    "body_force",
+    "classical_to_spatial",
+    "force_at_origin",
+    "force_to_child",
+    "force_to_parent",
+    "inertia_at_origin",
+    "motion_operator",
+    "motion_to_child",
+    "skew",
+    "spatial_to_classical",
+    "to_linear_first",
+    "velocity_product",
+]
+
 Array = NDArray[np.float64]
 
 GRAVITY = (0.0, 0.0, -9.81)
