@@ -56,7 +56,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def skew(p: Array) -> Array:
-    """Return the matrix ``p~`` ``(..., 3, 3)`` of the cross product with ``(..., 3)``: ``skew(p) @ x == cross(p, x)``."""
+    """Return the matrix ``(..., 3, 3)`` of the cross product with ``(..., 3)``: ``skew(p) @ x == cross(p, x)``."""
     out = np.zeros((*p.shape, 3))
     out[..., 2, 1], out[..., 0, 2], out[..., 1, 0] = p[..., 0], p[..., 1], p[..., 2]
     out[..., 1, 2], out[..., 2, 0], out[..., 0, 1] = -p[..., 0], -p[..., 1], -p[..., 2]

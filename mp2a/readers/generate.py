@@ -37,7 +37,7 @@ def uniform(
 
 
 def random(n: int, seed: int, joints: Sequence[str], branching: int) -> dict[str, Any]:
-    """Return the fields for `Model.random`; offsets of some decimetres, so that 512 bodies stay within tens of metres."""
+    """Return the fields for `Model.random`; 512 bodies stay within tens of metres."""
     count("n", n)
     count("seed", seed, 0)
     count("branching", branching)
