@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from mp2a.exceptions import DependencyError as DependencyError
     from mp2a.exceptions import InputError as InputError
     from mp2a.exceptions import OutputError as OutputError
+    from mp2a.exceptions import RankError as RankError
     from mp2a.joints import JOINTS as JOINTS
     from mp2a.methods import METHODS as METHODS
     from mp2a.model import Model as Model
@@ -50,6 +51,7 @@ _HOMES = {
     "OutputError": "mp2a.exceptions",
     "Placement": "mp2a.results",
     "ProcessGrid": "mp2a.process_grid",
+    "RankError": "mp2a.exceptions",
     "Reference": "mp2a.reference",
     "placements": "mp2a.dynamics",
     "rnea": "mp2a.dynamics",

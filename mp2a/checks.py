@@ -7,6 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from mp2a.exceptions import InputError
 
+_MOST = 2**62
+"""Counts fit whole numbers of 64 bits."""
+
 
 def numbers(name: str, value: ArrayLike) -> NDArray[np.float64]:
     """Return real numbers as an array of doubles, not copied if they are one."""
@@ -45,6 +48,8 @@ def count(name: str, value: int, least: int = 1) -> int:
     """Return a whole number after a check that it is large enough."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise InputError(f"{name}: got {value!r}, expected a whole number of at least {least}")
+    if value > _MOST:
+        raise InputError(f"{name}: got {value}, expected a whole number of at most {_MOST}")
     return int(value)
 
 

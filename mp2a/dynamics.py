@@ -9,13 +9,13 @@ from numpy.typing import ArrayLike, DTypeLike
 from mp2a import serial
 from mp2a.checks import count
 from mp2a.exceptions import InputError
-from mp2a.joint_kinematics import BaseMotion
+from mp2a.joint_kinematics import BaseMotion, joint_torque
 from mp2a.kernels.tables import NUMBER_FORMATS
 from mp2a.methods import METHODS
+from mp2a.methods.local import solve
 from mp2a.model import Model
 from mp2a.results import InverseDynamics, Placement
 from mp2a.spatial import Array
-from mp2a.transport.local import LocalTransport
 from mp2a.validation import JointState, check_gravity, check_model, check_shapes, check_state, check_values
 
 if TYPE_CHECKING:
@@ -149,18 +149,18 @@ def _by_messages(
     targets: tuple[Array | None, Array | None], *, bodies: bool,
 ) -> tuple[Array, Array | None]:  # fmt: skip
     """Torques ``(T, nv)``, and motion and force ``(T, n, 18)``, of robots that exchange messages in this process."""
-    chosen = METHODS[method]
-    result = chosen.solve(model, state, gravity, chosen.schedule(model.parents), LocalTransport(len(model)))
+    scan, _ = solve(METHODS[method], model, state, gravity)
+    torques = joint_torque(model, scan.force)
     torque, table = targets
     if torque is None:
-        torque = result.torque.astype(form, copy=False)
+        torque = torques.astype(form, copy=False)
     else:
-        torque[...] = result.torque
+        torque[...] = torques
     if not bodies:
         return torque, None
     if table is None:
         table = np.empty((state.samples, len(model), 18), form)
-    for k, part in enumerate((result.velocity, result.acceleration, result.force)):
+    for k, part in enumerate((scan.velocity, scan.acceleration, scan.force)):
         table[..., 6 * k : 6 * k + 6] = part.swapaxes(0, 1)
     return torque, table
 

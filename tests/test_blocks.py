@@ -70,7 +70,7 @@ def test_two_blocks_are_one(m, samples, seed, data):
 
 @given(st.integers(1, 200), st.integers(1, 50))
 def test_shares_are_even(bodies, ranks):
-    counts = block.share(bodies, ranks)
+    counts = block.even_counts(bodies, ranks)
     assert (len(counts), sum(counts)) == (ranks, bodies)
     assert max(counts) - min(counts) <= 1
     assert list(counts) == sorted(counts, reverse=True)

@@ -20,8 +20,8 @@ MODULES = sorted(ROOT.rglob("*.py"))
 LAYERS = (
     "exceptions", "dependencies", "mpi_environment", "mpi", "checks", "files", "cores", "network", "spatial",
     "results", "joints", "readers", "model", "validation", "joint_kinematics", "algebra", "kernels", "serial",
-    "schedule", "transport", "methods", "dynamics", "distributed", "process_grid", "formation", "launch", "reference",
-    "cost_model", "bench", "simulator", "robots", "plot", "cli",
+    "schedule", "transport", "program", "methods", "dynamics", "distributed_setup", "distributed", "process_grid",
+    "formation", "launch", "reference", "cost_model", "bench", "simulator", "robots", "plot", "cli",
 )  # fmt: skip
 NOT_ON_A_RANK = (
     "matplotlib", "pinocchio", "rich", "typer", "click", "argparse", "mujoco", "scipy", "numba",

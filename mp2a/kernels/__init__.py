@@ -4,19 +4,20 @@ Arrays may have any leading axes, which must agree or broadcast; C-contiguous ar
 axes go straight to the compiled code, others are copied first. ``out`` may be one of the inputs, but must not overlap
 one in any other way.
 
-The first call loads the compiled code and builds it where it is not there (`load`). Where that cannot be, numpy's
-versions do the work; `status` says why.
+The first call loads the compiled code and builds it where it is not there. Where that cannot be, numpy's versions do
+the work, and `status` says why.
 """
 
+import sys
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.kernels.library import Run, UnavailableError, obtain
-from mp2a.mpi_environment import under_mpi
+from mp2a.kernels.library import ARGUMENTS, BuilderStuckError, Kernel, UnavailableError, obtain
+from mp2a.mpi_environment import rank_info, under_mpi
 from mp2a.spatial import Array, force_to_parent
 
 
@@ -35,33 +36,35 @@ _POINTER = object.__basicsize__
 """Where an array object keeps the address of its numbers: right behind what every object has (numpy's C interface).
 Reading it there takes a tenth of the time that asking the array takes."""
 
-_run: dict[str, Run] = {}
+_run: dict[str, Kernel] = {}
 _status: Status | None = None
 
 
-def load() -> Status:
-    """Load the compiled kernels, once; build them where they are not there.
+def status() -> Status:
+    """Tell which kernels are in use, and why.
 
-    One process builds and the others wait. A rank under an MPI launcher waits some seconds only and does without
-    then; hundreds of ranks should find the kernels there, by a `build` in the launcher.
+    The first call loads the compiled ones, and builds them where they are not there; several processes wait for the
+    one that builds. Where there are none, the first rank, or a process by itself, says so on stderr.
     """
     return _load(patient=not under_mpi()) if _status is None else _status
 
 
 def build() -> Status:
-    """Build the compiled kernels where they are not there, however long that takes, and load them; for launchers."""
+    """Load the compiled kernels as `status` does, and try again what has failed; for launchers."""
     return _status if _status is not None and _status.compiled else _load(patient=True)
 
 
-def status() -> Status:
-    """Tell which kernels are in use, and why; loads them if need be."""
-    return load()
-
-
-def compiled(name: str) -> Run | None:
+def compiled(name: str) -> Kernel | None:
     """Return a compiled kernel, or None if there is none; loads them if need be."""
-    load()
+    status()
     return _run.get(name)
+
+
+def address(kernel: Kernel) -> int:
+    """Return the address of a kernel's code, for kernels that call it."""
+    import ctypes
+
+    return ctypes.cast(kernel, ctypes.c_void_p).value or 0  # type: ignore[arg-type]
 
 
 def pointer(array: NDArray[Any]) -> int:
@@ -73,27 +76,24 @@ STEPS = ("start", "await", "compose", "transform", "transform_force", "add", "pr
 """What `rounds` can do, in the order of the numbers that mean it."""
 
 
-def rounds() -> Callable[[int, int, int], int] | None:
-    """Return what runs recorded rounds without the interpreter (``rounds.c``), or None without compiled kernels."""
-    load()
-    return cast("Callable[[int, int, int], int] | None", _run.get("rounds"))
-
-
-class Threads(NamedTuple):
-    """What threads share jobs with (``crew.c``)."""
-
-    help: Run
-    lead: Run
-    address: Callable[[Run], int]
-    """Of a kernel's code."""
-
-
 @cache
-def crew() -> Threads:
-    """Return what threads share jobs with; only where kernels are compiled."""
+def rounds() -> Callable[[int, int, int], int] | None:
+    """Return what runs recorded rounds without the interpreter, or None without compiled kernels.
+
+    It takes the address of a program, the first step to do and the one to stop before, as `mp2a.kernels.replay`
+    describes them.
+    """
+    run = compiled("replay")
+    if run is None:
+        return None
     import ctypes
 
-    return Threads(_run["help"], _run["lead"], lambda kernel: ctypes.cast(kernel, ctypes.c_void_p).value or 0)  # type: ignore[arg-type]
+    outside = [ctypes.cast(ctypes.CDLL(None).sched_yield, ctypes.c_void_p).value or 0]
+    for step in STEPS:
+        kernel = _run.get(step)
+        outside += (0, 0) if kernel is None else (address(kernel), len(ARGUMENTS[step]) - 2)
+    table = np.array(outside, dtype=np.int64)
+    return lambda program, first, last: run(table.ctypes.data, program, first, last) or 0
 
 
 def _load(*, patient: bool) -> Status:
@@ -105,6 +105,9 @@ def _load(*, patient: bool) -> Status:
             raise UnavailableError("this numpy keeps the addresses of arrays in another place")
     except UnavailableError as error:
         _status = Status(False, str(error))
+        rank = rank_info()
+        if rank is None or rank.rank == 0 or isinstance(error, BuilderStuckError):
+            print(f"mp2a: no compiled kernels, numpy is 10 to 100 times slower: {error}", file=sys.stderr, flush=True)
     else:
         _run.update(kernels)
         _status = Status(True, str(path))
@@ -195,7 +198,7 @@ def transform_force(path: Array, force: Array, out: Array | None = None) -> Arra
     return _apply(_TRANSFORM_FORCE, out, path, force)
 
 
-class _Kernel(NamedTuple):
+class _Signature(NamedTuple):
     name: str
     width: int
     """Numbers a sample in the result."""
@@ -203,13 +206,13 @@ class _Kernel(NamedTuple):
     """Numbers a sample in each input."""
 
 
-_COMPOSE = _Kernel("compose", 24, (24, 24))
-_TRANSFORM = _Kernel("transform", 28, (28, 24))
-_FORCE = _Kernel("force", 6, (28, 6, 6))
-_TRANSFORM_FORCE = _Kernel("transform_force", 6, (24, 6))
+_COMPOSE = _Signature("compose", 24, (24, 24))
+_TRANSFORM = _Signature("transform", 28, (28, 24))
+_FORCE = _Signature("force", 6, (28, 6, 6))
+_TRANSFORM_FORCE = _Signature("transform_force", 6, (24, 6))
 
 
-def _apply(kernel: _Kernel, out: Array | None, *inputs: Array) -> Array:
+def _apply(kernel: _Signature, out: Array | None, *inputs: Array) -> Array:
     """Call the compiled code with arrays as they are, or else have `_apply_general` see to them."""
     name, width, columns = kernel
     run, lead = _run.get(name), inputs[0].shape[:-1]
@@ -226,7 +229,7 @@ def _apply(kernel: _Kernel, out: Array | None, *inputs: Array) -> Array:
     return out
 
 
-def _apply_general(kernel: _Kernel, out: Array | None, inputs: Sequence[Array]) -> Array:
+def _apply_general(kernel: _Signature, out: Array | None, inputs: Sequence[Array]) -> Array:
     """Do what the compiled code does not take as it is."""
     name, width, columns = kernel
     for array, count in zip(inputs, columns, strict=True):
@@ -235,7 +238,7 @@ def _apply_general(kernel: _Kernel, out: Array | None, inputs: Sequence[Array]) 
     lead = np.broadcast_shapes(*(array.shape[:-1] for array in inputs))
     if out is not None and out.shape != (*lead, width):
         raise ValueError(f"{name}: out must have shape {(*lead, width)}, not {out.shape}")
-    if load().compiled:
+    if status().compiled:
         pairs = zip(inputs, columns, strict=True)
         arrays = [np.ascontiguousarray(np.broadcast_to(x, (*lead, count)), np.float64) for x, count in pairs]
         result = np.empty((*lead, width))

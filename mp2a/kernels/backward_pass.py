@@ -2,10 +2,9 @@
 
 from typing import Any
 
-import numba
-
 from mp2a.kernels import steps
 from mp2a.kernels.lanes import Real
+from mp2a.kernels.primitives import compiled
 from mp2a.kernels.tables import (
     BODY_CONSTANTS,
     FORK,
@@ -37,7 +36,7 @@ def backward_pass(real: Real, *, per_lane: bool) -> Any:
     slide, join = real.lift(steps.slide, 3), real.lift(steps.join, 6)
     single, general = real.lift(steps.wrench_to_parent, 6), real.lift(steps.general_wrench_to_parent, 6)
 
-    @numba.njit(forceinline=True)
+    @compiled
     def step(i: Any, wrench: Any, tables: Any, memory: Any, torque: Any) -> Any:
         body_constants, frame_constants, topology = tables
         row, record = i * TOPOLOGY, i * BODY_CONSTANTS

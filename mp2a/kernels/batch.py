@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mp2a import cores, kernels
 from mp2a.joint_kinematics import BaseMotion
-from mp2a.kernels.library import Run
+from mp2a.kernels.library import Kernel
 from mp2a.kernels.model_cache import ModelCache
 from mp2a.kernels.tables import NUMBER_FORMATS, KernelJob, ModelTables, NumberFormat, make_tables
 from mp2a.kernels.thread_pool import THREAD_POOL
@@ -178,7 +178,7 @@ def _overlaps(result: Array, given: _Input) -> bool:
 
 
 def _run(
-    run: Run, model: Model, given: _Input, ends: tuple[int, ...], results: tuple[int, ...], form: NumberFormat,
+    run: Kernel, model: Model, given: _Input, ends: tuple[int, ...], results: tuple[int, ...], form: NumberFormat,
     threads: int | None, *, bodies: bool,
 ) -> bool:  # fmt: skip
     """Run a kernel in some threads; tells whether all samples are valid."""

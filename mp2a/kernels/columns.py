@@ -6,9 +6,8 @@ are needed. Only building the kernels imports this module.
 
 from typing import Any
 
-import numba
-
 from mp2a.kernels.lanes import Real
+from mp2a.kernels.primitives import compiled
 from mp2a.kernels.tables import AT, Q_COLUMN, TOPOLOGY, V_COLUMN
 from mp2a.kernels.transposition import transpose_in
 
@@ -24,7 +23,7 @@ def columns(real: Real) -> Any:
     lanes, ring = real.lanes, 2 * real.lanes
     there, ahead = real.there(), real.ahead()
 
-    @numba.njit(forceinline=True)
+    @compiled
     def views(job: Any, memory: Any, begin: Any) -> Any:
         found = (
             (memory, ring - 1, lanes),
@@ -54,7 +53,7 @@ def prefetch_columns(real: Real) -> Any:
     lanes, ring = real.lanes, 2 * real.lanes
     there, fill = real.there(), transpose_in(real)
 
-    @numba.njit(forceinline=True)
+    @compiled
     def staged(job: Any, i: Any, topology: Any, views: Any, begin: Any, ready: Any) -> Any:
         final, nq, nv = job[AT.samples] - 1, job[AT.nq], job[AT.nv]
         row = i * TOPOLOGY

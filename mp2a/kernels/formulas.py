@@ -1,5 +1,7 @@
 """Formulas of segments; what they mean stands in `mp2a.algebra.motion` and `mp2a.algebra.inertia`."""
 
+from typing import Any
+
 from mp2a.kernels.algebra import (
     Numbers,
     add,
@@ -82,3 +84,20 @@ def transform(load: Numbers, path: Numbers) -> Numbers:
         + linear
     )
     return m, *rest
+
+
+def matrix_product(a: Numbers, b: Numbers) -> Numbers:
+    """Return ``a b`` of 6x6 matrices, row by row."""
+    return tuple(_dot(a[6 * i : 6 * i + 6], b[j::6]) for i in range(6) for j in range(6))
+
+
+def push(a: Numbers, x: Numbers, y: Numbers) -> Numbers:
+    """Return ``a x + y`` with a 6x6 matrix."""
+    return tuple(_dot(a[6 * i : 6 * i + 6], x) + y[i] for i in range(6))
+
+
+def _dot(a: Numbers, b: Numbers) -> Any:
+    total = a[0] * b[0]
+    for x, y in zip(a[1:], b[1:], strict=True):
+        total = total + x * y
+    return total

@@ -2,10 +2,9 @@
 
 from typing import Any
 
-import numba
-
 from mp2a.kernels import steps
 from mp2a.kernels.lanes import Real
+from mp2a.kernels.primitives import compiled
 
 # Compiled functions take plain global numbers, not attributes.
 from mp2a.kernels.tables import (
@@ -55,7 +54,7 @@ def forward_pass(real: Real, motion: int, *, per_lane: bool) -> Any:
         real.lift(steps.general, motion),
     )
 
-    @numba.njit(forceinline=True)
+    @compiled
     def step(i: Any, state: Any, invalid: Any, tables: Any, memory: Any, views: Any) -> Any:
         body_constants, frame_constants, topology = tables
         q, v, a, _ = views
@@ -90,7 +89,7 @@ def _single(real: Real, motion: int, *, per_lane: bool) -> Any:
     revolute, prismatic = real.lift(steps.revolute, motion), real.lift(steps.prismatic, motion)
     invalid_angle, invalid_length = real.lift(steps.invalid_angle), real.lift(steps.invalid_length)
 
-    @numba.njit(forceinline=True)
+    @compiled
     def single(i: Any, state: Any, invalid: Any, tables: Any, q: Any, place: Any, rate: Any, growth: Any) -> Any:
         body_constants, frame_constants, topology = tables
         kind, column = topology[i * TOPOLOGY + KIND], topology[i * TOPOLOGY + Q_COLUMN]
@@ -126,7 +125,7 @@ def _several(real: Real) -> Any:
     planar_rates, spherical_rates = real.lift(steps.planar_rates, 6), real.lift(steps.spherical_rates, 6)
     free_rates, invalid_length = real.lift(steps.free_rates, 6), real.lift(steps.invalid_length)
 
-    @numba.njit(forceinline=True)
+    @compiled
     def several(i: Any, invalid: Any, tables: Any, views: Any, frame: Any, place: Any) -> Any:
         topology = tables[2]
         q, v, a, _ = views

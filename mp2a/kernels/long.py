@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mp2a import cores, kernels
 from mp2a.kernels.batch import BlockReduction, KernelResult
-from mp2a.kernels.library import Run
+from mp2a.kernels.library import Kernel
 from mp2a.kernels.model_cache import ModelCache
 from mp2a.kernels.tables import NUMBER_FORMATS, KernelJob, lay_out_screws, make_tables
 from mp2a.kernels.thread_pool import THREAD_POOL
@@ -156,7 +156,7 @@ def _prepare(model: Model, state: JointState, threads: int | None, *, bodies: bo
     return _Work(cut, threads, cells, external, bases, tips, scratch, valid)
 
 
-def _through(work: _Work, kernel: Run, output: Array, root: Array | None, backward_only: int = 0) -> bool:
+def _through(work: _Work, kernel: Kernel, output: Array, root: Array | None, backward_only: int = 0) -> bool:
     """Run a kernel on all groups; tells whether nothing is doubtful."""
     cut, length, at = work.cut, work.cut.length, kernels.pointer
     jobs: list[NDArray[np.int64]] = []

@@ -9,13 +9,12 @@ Only building the kernels imports this module; `mp2a.kernels.tables` says what t
 from collections.abc import Callable
 from typing import Any
 
-import numba
-
 from mp2a.kernels import steps
 from mp2a.kernels.backward_pass import backward_pass
 from mp2a.kernels.columns import columns, prefetch_columns
 from mp2a.kernels.forward_pass import forward_pass
 from mp2a.kernels.lanes import Real, integers
+from mp2a.kernels.primitives import compiled
 from mp2a.kernels.tables import AT, BODY_CONSTANTS, FORCE, FRAME_CONSTANTS, FROM, KEEP, RETURN, TOPOLOGY, V_COLUMN
 from mp2a.kernels.transposition import gather, scatter, transpose_out
 
@@ -86,7 +85,7 @@ def _out(real: Real, motion: int, *, bodies: bool, per_lane: bool) -> Any:
     wrench_of, without = real.lift(steps.wrench, 6), real.lift(steps.without, 6)
     reported = real.lift(steps.reported, 12)
 
-    @numba.njit(forceinline=True)
+    @compiled
     def out(job: Any, begin: Any, invalid: Any, tables: Any, memory: Any, views: Any) -> Any:
         n, final = job[AT.bodies], job[AT.samples] - 1
         body_constants, frame_constants, topology = tables
@@ -131,7 +130,7 @@ def _back(real: Real, *, bodies: bool, per_lane: bool) -> Any:
     step = backward_pass(real, per_lane=per_lane)
     total, turned = real.lift(steps.total, 6), real.lift(steps.turned, 6)
 
-    @numba.njit(forceinline=True)
+    @compiled
     def back(job: Any, begin: Any, carried: Any, tables: Any, memory: Any, torque: Any) -> Any:
         n, final, nv = job[AT.bodies], job[AT.samples] - 1, job[AT.nv]
         frame_constants, topology = tables[1], tables[2]
