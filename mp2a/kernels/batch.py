@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mp2a import cores, kernels
+from mp2a.joint_kinematics import BaseMotion
 from mp2a.kernels.library import Kernel
 from mp2a.kernels.model_cache import ModelCache
 from mp2a.kernels.tables import NUMBER_FORMATS, KernelJob, ModelTables, NumberFormat, make_tables
@@ -50,6 +51,12 @@ class BlockReduction(NamedTuple):
     """As in `KernelResult`, where the numbers can be told from a path."""
 
 
+def pack_base(base: BaseMotion) -> Array:
+    """Motion of a base in the order of the kernels, ``(12,)`` or ``(T, 12)``: ω, ω̇, v̇, v."""
+    velocity, acceleration = np.broadcast_arrays(*base)
+    return np.concatenate((velocity[..., :3], acceleration, velocity[..., 3:]), axis=-1)
+
+
 def rnea(
     model: Model,
     state: JointState,
@@ -71,8 +78,7 @@ def rnea(
     state
         Input of the right shapes; the kernel notices by itself if its numbers are not what they should be.
     base
-        Motion of the base, ``(12,)`` or ``(T, 12)``: angular velocity, angular acceleration, acceleration less gravity
-        and velocity of its origin.
+        Motion of the base as `pack_base` packs it, ``(12,)`` or ``(T, 12)``.
     tip
         Wrench from outside on the last body, in its frame about its origin, ``(T, 6)``.
     bodies
@@ -84,7 +90,7 @@ def rnea(
     out
         Where to put the torque, ``(T, nv)`` of this format, if it is laid out as the input and does not overlap it.
     rows
-        Where to put motion and force of the bodies, ``(T, n, 18)`` of this format.
+        Where to put motion and force of the bodies, ``(T, n, 18)`` of this format, if it does not overlap the input.
 
     Returns
     -------
@@ -97,13 +103,13 @@ def rnea(
         return None
     samples, given = state.samples, _input(state, form)
     torque = out
-    if torque is None or not _fits(torque, given.columnwise) or any(np.may_share_memory(torque, x) for x in given.held):
+    if torque is None or not _fits(torque, given.columnwise) or _overlaps(torque, given):
         torque = np.empty((samples, model.nv), form.dtype, order="F" if given.columnwise else "C")
     base = np.ascontiguousarray(base, form.dtype)
     tip = np.zeros(6, form.dtype) if tip is None else np.ascontiguousarray(tip, form.dtype)
     padded = -(-samples // form.lanes) * form.lanes
     output = rows
-    if output is None or not output.flags.c_contiguous:
+    if output is None or not output.flags.c_contiguous or _overlaps(output, given):
         output = np.empty((samples, len(model), 18) if bodies else 0, form.dtype)
     root = np.empty((6, padded), form.dtype)
     at = kernels.pointer
@@ -164,6 +170,11 @@ def _input(state: JointState, form: NumberFormat) -> _Input:
         external = _rowwise(state.external, form.dtype)
         places, held = _places(external), (*held, external)
     return _Input(columnwise, (*places, *strided), held)
+
+
+def _overlaps(result: Array, given: _Input) -> bool:
+    """Tell whether a kernel that writes a result might write over what it has yet to read."""
+    return any(np.may_share_memory(result, x) for x in given.held)
 
 
 def _run(

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import mp2a
+from mp2a import spatial
 
 Kernel = Callable[..., int | None]
 """A kernel. Those of segments are ``f(count, out, *inputs)``: number of samples, and for each array the address of the
@@ -143,7 +144,8 @@ def checksum(*contents: bytes) -> str:
 
 def _purpose() -> str:
     """Name what the kernels have to be made for: this processor, and this version of the kernels."""
-    sources = [path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py"))]
+    formulas = Path(spatial.__file__)  # of which the kernels have one
+    sources = [path.read_bytes() for path in (*sorted(Path(__file__).parent.glob("*.py")), formulas)]
     target = _processor(), platform.machine(), os.environ.get(CPU_FEATURES, ""), mp2a.__version__
     return checksum(*(word.encode() for word in target), *sources)
 

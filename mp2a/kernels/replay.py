@@ -1,6 +1,6 @@
 """The rounds of one rank, step after step, without the interpreter between them.
 
-`mp2a.transport.native` records the steps. Whatever lies outside comes as an address, MPI's two functions, the other
+`mp2a.program.compiled` makes the steps. Whatever lies outside comes as an address, MPI's two functions, the other
 kernels and the system's ``sched_yield``; requests and statuses are memory that only MPI reads. So the compiled code
 refers to nothing, and one file serves any MPI. Only building the kernels imports this module.
 """
@@ -44,9 +44,9 @@ def _await(program: Any, step: Any, yield_: Any) -> Any:
 
 @compiled
 def _add(step: Any) -> None:
-    out, part = doubles_at(step[ARRAYS]), doubles_at(step[ARRAYS + 1])
+    out, a, b = doubles_at(step[ARRAYS]), doubles_at(step[ARRAYS + 1]), doubles_at(step[ARRAYS + 2])
     for i in range(step[COUNT]):
-        out[i] += part[i]
+        out[i] = a[i] + b[i]
 
 
 def replay(outside_at: Any, program_at: Any, first: Any, last: Any) -> Any:

@@ -30,6 +30,7 @@ from mp2a.kernels.algebra import (
 from mp2a.kernels.formulas import transform, transform_force
 from mp2a.kernels.symbols import Symbol
 from mp2a.kernels.trigonometry import largest_angle, sine_and_cosine
+from mp2a.spatial import quaternion_matrix
 
 
 def _to_parent(turn: Numbers, x: Numbers) -> Numbers:
@@ -218,17 +219,6 @@ def total(a: Numbers, b: Numbers) -> Numbers:
     return tuple(x + y for x, y in zip(a, b, strict=True))
 
 
-def _quaternion(q: Numbers) -> Numbers:
-    """Rotation of a quaternion x, y, z, w, as Eigen's ``toRotationMatrix``."""
-    x, y, z, w = q
-    tx, ty, tz = x + x, y + y, z + z
-    return (
-        1.0 - (ty * y + tz * z), tx * y - tz * w, tx * z + ty * w,
-        tx * y + tz * w, 1.0 - (tx * x + tz * z), ty * z - tx * w,
-        tx * z - ty * w, ty * z + tx * w, 1.0 - (tx * x + ty * y),
-    )  # fmt: skip
-
-
 def planar(q: Numbers, frame: Numbers, place: Numbers) -> tuple[Numbers, ...]:
     """Rotation and place of a planar joint's body, q = x, y, cosine, sine."""
     x, y, c, s = q
@@ -242,12 +232,12 @@ def planar(q: Numbers, frame: Numbers, place: Numbers) -> tuple[Numbers, ...]:
 
 def spherical(q: Numbers, frame: Numbers, place: Numbers) -> tuple[Numbers, ...]:
     """Rotation and place of a spherical joint's body."""
-    return product(frame, _quaternion(q)), place
+    return product(frame, quaternion_matrix(*q)), place
 
 
 def free(q: Numbers, frame: Numbers, place: Numbers) -> tuple[Numbers, ...]:
     """Rotation and place of a free joint's body, q = position, quaternion."""
-    return product(frame, _quaternion(q[3:7])), add(place, apply(frame, q[0:3]))
+    return product(frame, quaternion_matrix(*q[3:7])), add(place, apply(frame, q[0:3]))
 
 
 def planar_rates(v: Numbers) -> Numbers:
