@@ -27,7 +27,7 @@ from mp2a.validation import check_shapes, check_state
 RESULTS = ("velocity", "acceleration", "force", "torque")
 EARTH = np.array([0.0, 0, 0, 0, 0, 0, 0, 0, 9.81, 0, 0, 0])
 
-pytestmark = pytest.mark.skipif(not kernels.load().compiled, reason="no compiled kernels here")
+pytestmark = pytest.mark.skipif(not kernels.status().compiled, reason="no compiled kernels here")
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -341,7 +341,7 @@ def test_tables_go_with_their_chain():
         del model
 
 
-@pytest.mark.parametrize("name", library.ARGUMENTS)
+@pytest.mark.parametrize("name", sorted(set(library.ARGUMENTS) - {"replay", "pool_worker", "pool_run"}))
 def test_machine_code_stays_in_vectors(name):
     """Arithmetic is in vectors, sines included; a kernel that lost them is ten times slower."""
     import llvmlite.binding as llvm
