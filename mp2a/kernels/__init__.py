@@ -199,47 +199,61 @@ def transform_force(path: Array, force: Array, out: Array | None = None) -> Arra
 
 
 class _Signature(NamedTuple):
+    """Numbers a sample in the result and the inputs of a kernel."""
+
     name: str
-    width: int
-    """Numbers a sample in the result."""
-    columns: tuple[int, ...]
-    """Numbers a sample in each input."""
+    result: int
+    first: int
+    second: int
+    third: int = 0
 
 
-_COMPOSE = _Signature("compose", 24, (24, 24))
-_TRANSFORM = _Signature("transform", 28, (28, 24))
-_FORCE = _Signature("force", 6, (28, 6, 6))
-_TRANSFORM_FORCE = _Signature("transform_force", 6, (24, 6))
+_COMPOSE = _Signature("compose", 24, 24, 24)
+_TRANSFORM = _Signature("transform", 28, 28, 24)
+_FORCE = _Signature("force", 6, 28, 6, 6)
+_TRANSFORM_FORCE = _Signature("transform_force", 6, 24, 6)
 
 
-def _apply(kernel: _Signature, out: Array | None, *inputs: Array) -> Array:
-    """Call the compiled code with arrays as they are, or else have `_apply_general` see to them."""
-    name, width, columns = kernel
-    run, lead = _run.get(name), inputs[0].shape[:-1]
-    if run is None:
-        return _apply_general(kernel, out, inputs)
-    for array, count in zip(inputs, columns, strict=True):
-        if array.shape != (*lead, count) or array.dtype is not _DOUBLE or not array.flags.c_contiguous:
-            return _apply_general(kernel, out, inputs)
+def _apply(kernel: _Signature, out: Array | None, a: Array, b: Array, c: Array | None = None) -> Array:
+    """Call the compiled code with arrays as they are, or else have `_apply_general` see to them.
+
+    Written out for each input, for a loop over them would take as long as the rest of the call.
+    """
+    name, result, first, second, third = kernel
+    run, lead = _run.get(name), a.shape[:-1]
+    plain = (
+        run is not None
+        and a.shape == (*lead, first)
+        and b.shape == (*lead, second)
+        and a.dtype is _DOUBLE
+        and b.dtype is _DOUBLE
+        and a.flags.c_contiguous
+        and b.flags.c_contiguous
+        and (c is None or (c.shape == (*lead, third) and c.dtype is _DOUBLE and c.flags.c_contiguous))
+        and (out is None or (out.shape == (*lead, result) and out.dtype is _DOUBLE and out.flags.carray))
+    )
+    if run is None or not plain:
+        return _apply_general(kernel, out, (a, b) if c is None else (a, b, c))
     if out is None:
-        out = np.empty((*lead, width))
-    elif out.shape != (*lead, width) or out.dtype is not _DOUBLE or not out.flags.carray:
-        return _apply_general(kernel, out, inputs)
-    run(out.size // width, id(out) + _POINTER, *[id(array) + _POINTER for array in inputs])
+        out = np.empty((*lead, result))
+    if c is None:
+        run(out.size // result, id(out) + _POINTER, id(a) + _POINTER, id(b) + _POINTER)
+    else:
+        run(out.size // result, id(out) + _POINTER, id(a) + _POINTER, id(b) + _POINTER, id(c) + _POINTER)
     return out
 
 
 def _apply_general(kernel: _Signature, out: Array | None, inputs: Sequence[Array]) -> Array:
     """Do what the compiled code does not take as it is."""
-    name, width, columns = kernel
-    for array, count in zip(inputs, columns, strict=True):
+    name, width, *columns = kernel
+    for array, count in zip(inputs, columns, strict=False):  # a kernel of two inputs has no third
         if array.ndim == 0 or array.shape[-1] != count:
             raise ValueError(f"{name}: the last axis of an input must have {count} numbers, not shape {array.shape}")
     lead = np.broadcast_shapes(*(array.shape[:-1] for array in inputs))
     if out is not None and out.shape != (*lead, width):
         raise ValueError(f"{name}: out must have shape {(*lead, width)}, not {out.shape}")
     if status().compiled:
-        pairs = zip(inputs, columns, strict=True)
+        pairs = zip(inputs, columns, strict=False)
         arrays = [np.ascontiguousarray(np.broadcast_to(x, (*lead, count)), np.float64) for x, count in pairs]
         result = np.empty((*lead, width))
         _run[name](result.size // width, id(result) + _POINTER, *(id(array) + _POINTER for array in arrays))
