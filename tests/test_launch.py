@@ -314,6 +314,43 @@ def test_forked_ranks_end_with_a_stub_that_is_killed_while_others_start(monkeypa
         launch.end(started)
 
 
+def test_a_launch_that_is_killed_leaves_no_file(preload, script):
+    started, _ = sleepers(preload, script)
+    directory = Path(started.directory.name)
+    try:
+        names = [path.name for path in directory.rglob("*")]
+        if command.open_mpi_version(command.find_mpirun()):
+            assert any("segment" in name for name in names)
+            assert any(name.startswith("ompi.") for name in names)
+        for process in members(started.pid):
+            with contextlib.suppress(OSError):
+                os.kill(process, signal.SIGKILL)
+    finally:
+        launch.end(started)
+    assert not directory.exists()
+
+
+def test_launches_at_the_same_moment_have_nothing_in_common(monkeypatch):
+    monkeypatch.setattr(command, "open_mpi_version", lambda mpirun: 5)
+    variables = [launch.mpirun_command(2, ["robot"], directory=name).environment for name in ("/one", "/two")]
+    common = {name for name in variables[0] if variables[0][name] == variables[1][name]}
+    differ = set(variables[0]) - common
+    assert {"PRTE_MCA_prte_tmpdir_base", "OMPI_MCA_btl_sm_backing_directory"} <= differ
+
+
+def test_as_a_context_a_launch_ends_with_it(preload, script):
+    with (
+        pytest.raises(SystemExit) as left,
+        launch.start(RANKS, [sys.executable, script, "sleep"], preload=preload) as started,
+    ):
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(PATIENCE)
+    assert left.value.code == 128 + signal.SIGTERM
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    assert started.returncode not in (0, None)
+    assert not members(started.pid)
+
+
 # ---- the command ---------------------------------------------------------------------------------------------------
 
 
@@ -325,6 +362,30 @@ def test_only_more_ranks_than_cores_are_oversubscribed(monkeypatch):
     assert many.command[1:] == ("-n", "5", "--oversubscribe", "--bind-to", "none", "robot", "-x")
     assert many.environment["OMPI_MCA_mpi_yield_when_idle"] == "1"
     assert "OMPI_MCA_pml" not in few.environment
+
+
+@pytest.mark.parametrize(("version", "shared"), [(4, "self,vader"), (5, "self,sm"), (6, "self,sm")])
+def test_shared_memory_goes_by_the_name_of_its_version(monkeypatch, version, shared):
+    """Open MPI 4.1 ends in MPI_Init when it is told to use sm."""
+    monkeypatch.setattr(command, "open_mpi_version", lambda mpirun: version)
+    monkeypatch.delenv("OMPI_MCA_btl", raising=False)
+    assert launch.mpirun_command(9999, ["robot"]).environment["OMPI_MCA_btl"] == shared
+
+
+@pytest.mark.parametrize(
+    ("says", "version"),
+    [
+        ("mpirun (Open MPI) 5.0.11\n\nReport bugs", 5),
+        ("mpirun (Open MPI) 4.1.4", 4),
+        ("mpiexec (OpenRTE) 2.1.1", None),
+        ("HYDRA build details:\n    Version:  5.0.2", None),
+    ],
+)
+def test_version_of_a_launcher(monkeypatch, tmp_path, says, version):
+    mpirun = tmp_path / "mpirun"
+    mpirun.write_text(f"#!/bin/sh\necho '{says}'")
+    mpirun.chmod(0o755)
+    assert command.open_mpi_version(str(mpirun)) == version
 
 
 def test_other_launchers_get_no_options(monkeypatch):

@@ -55,7 +55,7 @@ class Launch:
     environment: dict[str, str]
 
 
-def _find_mpirun() -> str:
+def find_mpirun() -> str:
     """Return the launcher beside this Python, else the first on the path."""
     # The interpreter's link is not followed: it leads out of a virtual environment.
     for directory in (os.path.dirname(sys.executable), None):  # noqa: PTH120
@@ -112,7 +112,7 @@ def mpirun_command(
     """
     if ranks < 1 or not program:
         raise ValueError(f"ranks must be at least 1 and program not empty, not {ranks} and {program!r}")
-    mpirun = _find_mpirun()
+    mpirun = find_mpirun()
     options = ["-n", str(ranks)]
     variables = dict(_THREADS)
     version = open_mpi_version(mpirun)

@@ -6,10 +6,12 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from types import FrameType
+from typing import Any, NoReturn
 
 from mp2a.cores import timer_slack, usable_cores
 from mp2a.launch.command import Launch, mpirun_command, open_mpi_version
@@ -21,12 +23,37 @@ _START_SLACK = 10_000_000
 
 _SHARED_MEMORY = "/dev/shm"
 
+_SIGNALS = signal.SIGTERM, signal.SIGHUP
+_KILLED = 128
+
 
 class Ranks(subprocess.Popen[Any]):
-    """A launcher and the ranks it started, which `end` ends; a `subprocess.Popen` in all else."""
+    """A launcher and the ranks it started, a `subprocess.Popen`; as a context it ends them all when it is left.
+
+    A SIGTERM or SIGHUP that would end this process at once, and leave the ranks running, leaves the context first.
+    """
 
     directory: tempfile.TemporaryDirectory[str]
     """Where Open MPI keeps what the ranks share; gone with this object, however the ranks ended."""
+
+    def __enter__(self) -> "Ranks":
+        own = threading.current_thread() is threading.main_thread()
+        self._handled = [number for number in _SIGNALS if own and signal.getsignal(number) == signal.SIG_DFL]
+        for number in self._handled:
+            signal.signal(number, _leave)
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        try:
+            end(self)
+            super().__exit__(*error)
+        finally:
+            for number in self._handled:
+                signal.signal(number, signal.SIG_DFL)
+
+
+def _leave(number: int, frame: FrameType | None) -> NoReturn:
+    raise SystemExit(_KILLED + number)
 
 
 def start(
@@ -39,7 +66,7 @@ def start(
 ) -> Ranks:
     """Start a program on many ranks, as `mpirun_command` says, in a session of their own.
 
-    Call `end` on what is returned: only that leaves no rank behind.
+    Use what is returned as a context, or call `end` on it: only that leaves no rank behind.
 
     Parameters
     ----------
@@ -152,9 +179,6 @@ def run(
     No rank is left when this returns or raises: `subprocess.TimeoutExpired` after `timeout` seconds, or
     KeyboardInterrupt.
     """
-    process = start(ranks, program, environment=environment, preload=preload, **options)
-    try:
+    with start(ranks, program, environment=environment, preload=preload, **options) as process:
         stdout, stderr = process.communicate(timeout=timeout)
-    finally:
-        end(process)
     return subprocess.CompletedProcess(process.args, process.returncode, stdout, stderr)
