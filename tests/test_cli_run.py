@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -22,6 +23,12 @@ def run(*words, **options):
     process = start(*words, **options)
     stdout, stderr = process.communicate(timeout=120)
     return process.returncode, stdout, stderr
+
+
+@pytest.fixture(autouse=True)
+def whole_lines(monkeypatch):
+    """Unbuffered, `print` writes a line word by word, and launchers other than Open MPI 5 mix those of the ranks."""
+    monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)
 
 
 @pytest.fixture
@@ -47,8 +54,9 @@ def test_a_rank_that_raises_ends_all(script):
     assert "RuntimeError: not me" in stderr
 
 
-def test_any_program_runs_and_gives_its_status(tmp_path):
-    assert run("python", "-c", "import sys; print(sys.prefix); sys.exit(3)")[:2] == (3, f"{sys.prefix}\n" * RANKS)
+def test_any_program_runs_and_gives_its_status():
+    assert run("python", "-c", "import sys; print(sys.prefix)")[:2] == (0, f"{sys.prefix}\n" * RANKS)
+    assert run("python", "-c", "import sys; sys.exit(3)")[0] == 3
 
 
 def test_no_rank_outlives_a_launcher_that_is_told_to_end():
@@ -58,7 +66,7 @@ def test_no_rank_outlives_a_launcher_that_is_told_to_end():
     process.communicate(timeout=60)
     assert process.returncode == 128 + signal.SIGTERM
     for _ in range(100):
-        ranks = [rank for rank in ranks if os.path.exists(f"/proc/{rank}")]
+        ranks = [rank for rank in ranks if Path(f"/proc/{rank}").exists()]
         if not ranks:
             return
         time.sleep(0.1)

@@ -53,6 +53,12 @@ if what.isdigit():
 """
 
 
+@pytest.fixture(autouse=True)
+def whole_lines(monkeypatch):
+    """Unbuffered, `print` writes a line word by word, and launchers other than Open MPI 5 mix those of the ranks."""
+    monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)
+
+
 @pytest.fixture(params=PRELOAD)
 def preload(request, monkeypatch):
     """What to preload; four ranks are more than this machine's cores, however many it has."""
