@@ -20,6 +20,8 @@ PRELOAD = {"plain": (), "forked": ("mp2a.transport.mpi",)}
 PATIENCE = 60
 ROOT = str(Path(mp2a.__file__).parents[1])
 RANKS = 4
+OPEN_MPI = command.open_mpi_version(command.find_mpirun()) is not None
+forks = pytest.mark.skipif(not OPEN_MPI, reason="ranks are forked under Open MPI only")
 
 # What a rank does, by the first argument; the rest waits in a barrier for one that does not come, unless all go on.
 PROGRAM = """
@@ -103,6 +105,11 @@ def members(session):
     return found
 
 
+def alive(ranks):
+    """Those of these processes that run."""
+    return [rank for rank in ranks if Path(f"/proc/{rank}").exists()]
+
+
 def sleepers(preload, script):
     """Start ranks that sleep; returns the launcher and the ranks' processes when all are up."""
     started = launch.start(
@@ -131,6 +138,7 @@ def test_all_ranks_run(preload, script):
     assert done.stdout.count("imports beside it: True") == RANKS
 
 
+@forks
 def test_ranks_are_forked_only_with_modules_to_preload(preload, script):
     started = launch.start(RANKS, [sys.executable, script], preload=preload, stdout=subprocess.PIPE, text=True)
     try:
@@ -208,6 +216,7 @@ def test_rank_that_goes_ends_all(preload, script, what, status):
     assert ("Traceback" in done.stdout) == (what == "raise")
 
 
+@forks
 def test_forked_rank_that_raises_ends_all_without_mpi4py_too(monkeypatch, script):
     monkeypatch.setattr(process, "usable_cores", lambda: 2)
     done = run(script, "raise", preload=PRELOAD["forked"])
@@ -221,6 +230,7 @@ def test_rank_that_crashes_ends_all(preload, script):
     assert not said(done.stdout, "rank")
 
 
+@forks
 def test_module_that_cannot_be_preloaded_is_said(monkeypatch, script):
     monkeypatch.setattr(process, "usable_cores", lambda: 2)
     done = run(script, preload=("mp2a.there_is_none",))
@@ -236,12 +246,15 @@ def test_start_is_a_popen(preload, script):
     try:
         assert isinstance(started, subprocess.Popen)
         assert started.poll() is None
-        assert set(ranks) <= set(members(started.pid))
+        assert alive(ranks) == ranks
+        if OPEN_MPI:
+            assert set(ranks) <= set(members(started.pid))
         assert os.getsid(started.pid) == started.pid
     finally:
         launch.end(started)
     assert started.returncode not in (0, None)
     assert not members(started.pid)
+    assert not alive(ranks)
     launch.end(started)  # once more does no harm
 
 
@@ -261,16 +274,18 @@ def sessions(monkeypatch):
 
 @pytest.mark.parametrize("error", [subprocess.TimeoutExpired("ranks", 1), KeyboardInterrupt()], ids=["late", "ctrl-c"])
 def test_run_that_is_broken_off_leaves_nothing(preload, script, monkeypatch, sessions, error):
+    ranks = []
+
     def communicate(self, timeout=None):
-        for _ in range(RANKS):
-            assert self.stdout.readline()
-        assert len(members(self.pid)) > RANKS
+        ranks.extend(int(self.stdout.readline().split()[1]) for _ in range(RANKS))
+        assert alive(ranks) == ranks
         raise error
 
     monkeypatch.setattr(subprocess.Popen, "communicate", communicate)
     with pytest.raises(type(error)):
         run(script, "sleep", preload=preload)
     assert not members(sessions[0])
+    assert not alive(ranks)
 
 
 @pytest.mark.slow  # how quickly an mpirun that is hit while it starts ranks gives up is Open MPI's own affair
@@ -281,6 +296,7 @@ def test_run_that_is_broken_off_early_leaves_nothing(preload, script, sessions, 
     assert not members(sessions[0])
 
 
+@forks
 @pytest.mark.slow  # how quickly an mpirun that is hit while it starts ranks gives up is Open MPI's own affair
 @pytest.mark.parametrize("victim", ["rank", "stub", "mpirun", "server"])
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
@@ -303,6 +319,7 @@ def test_all_end_when_one_is_killed(monkeypatch, script, victim, number):
         launch.end(started)
 
 
+@forks
 @pytest.mark.slow  # how quickly an mpirun that is hit while it starts ranks gives up is Open MPI's own affair
 def test_forked_ranks_end_with_a_stub_that_is_killed_while_others_start(monkeypatch, script):
     """Open MPI itself may wait for ever then."""
@@ -325,7 +342,7 @@ def test_a_launch_that_is_killed_leaves_no_file(preload, script):
     directory = Path(started.directory.name)
     try:
         names = [path.name for path in directory.rglob("*")]
-        if command.open_mpi_version(command.find_mpirun()):
+        if OPEN_MPI:
             assert any("segment" in name for name in names)
             assert any(name.startswith("ompi.") for name in names)
         for process in members(started.pid):

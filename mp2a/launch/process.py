@@ -8,10 +8,10 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 from mp2a.cores import timer_slack, usable_cores
 from mp2a.launch.command import Launch, mpirun_command, open_mpi_version
@@ -129,20 +129,35 @@ def _forked(ranks: int, launch: Launch, program: Sequence[str], preload: Sequenc
     return (sys.executable, "-m", "mp2a.launch.forked", ",".join(preload), *numbers, *launch.command)
 
 
-def _members(session: int) -> list[int]:
-    """Return the processes of a session that still run."""
-    members = []
+class _Process(NamedTuple):
+    """A process that runs, as ``/proc`` has it."""
+
+    number: int
+    name: str
+    parent: int
+    session: int
+
+
+def _processes() -> Iterator[_Process]:
     for entry in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
             # "pid (name) state parent group session ...", and the name may hold anything.
-            state, _, _, its_session = (entry / "stat").read_text(errors="replace").rpartition(")")[2].split()[:4]
-            if int(its_session) == session and state not in "ZX":
-                members.append(int(entry.name))
-    return members
+            name, _, facts = (entry / "stat").read_text(errors="replace").partition("(")[2].rpartition(")")
+            state, parent, _, session = facts.split()[:4]
+            if state not in "ZX":
+                yield _Process(int(entry.name), name, int(parent), int(session))
+
+
+def _sessions(process: Ranks) -> set[int]:
+    """Return the session of a launch, and those that MPICH's proxies have given their ranks, one each."""
+    processes = list(_processes())
+    proxies = {one.number for one in processes if one.session == process.pid and one.name.startswith("hydra")}
+    return {process.pid} | {one.session for one in processes if one.parent in proxies}
 
 
 def end(process: Ranks, *, grace: float = 5.0) -> None:
     """End what `start` started: ask the launcher, and after `grace` seconds kill every rank that is left."""
+    sessions = _sessions(process)
     try:
         if process.poll() is None:
             process.terminate()  # not SIGINT, which Open MPI wants twice
@@ -154,7 +169,7 @@ def end(process: Ranks, *, grace: float = 5.0) -> None:
         # Open MPI gives every rank a process group of its own, but the session stays. Look again until none is left,
         # as one may have been forking.
         for _ in range(200):
-            members = _members(process.pid)
+            members = [one.number for one in _processes() if one.session in sessions]
             if not members:
                 break
             for member in members:
