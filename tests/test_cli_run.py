@@ -4,10 +4,9 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from pathlib import Path
 
 import pytest
+from helpers import alive
 
 from mp2a import cli
 
@@ -65,12 +64,7 @@ def test_no_rank_outlives_a_launcher_that_is_told_to_end():
     process.send_signal(signal.SIGTERM)
     process.communicate(timeout=60)
     assert process.returncode == 128 + signal.SIGTERM
-    for _ in range(100):
-        ranks = [rank for rank in ranks if Path(f"/proc/{rank}").exists()]
-        if not ranks:
-            return
-        time.sleep(0.1)
-    pytest.fail(f"still there: {ranks}")
+    assert not alive(ranks)
 
 
 @pytest.mark.parametrize(

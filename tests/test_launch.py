@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from helpers import alive
 
 import mp2a
 from mp2a import cores, launch
@@ -103,11 +104,6 @@ def members(session):
             if int(its_session) == session and state not in "ZX":
                 found[int(entry.name)] = int(parent)
     return found
-
-
-def alive(ranks):
-    """Those of these processes that run."""
-    return [rank for rank in ranks if Path(f"/proc/{rank}").exists()]
 
 
 def sleepers(preload, script):
