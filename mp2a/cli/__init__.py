@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from mp2a import __version__
 from mp2a.bench.settings import ERROR
-from mp2a.cli import bench, check, cost, drive, march, plot, schedule, trace
+from mp2a.cli import bench, check, cost, drive, march, plot, run, schedule, trace
 from mp2a.exceptions import DependencyError, InputError
 from mp2a.mpi_environment import rank_info
 
-_SUBCOMMANDS = (bench, check, plot, cost, schedule, trace, march, drive)
+_SUBCOMMANDS = (bench, check, plot, cost, schedule, trace, march, drive, run)
 _INTERRUPTED = 130
 
 

@@ -31,8 +31,9 @@ def command(
 def as_rank(run: Callable[[argparse.Namespace], None], options: argparse.Namespace) -> None:
     """Run a rank's part; what goes wrong on one rank alone ends all, since the others would wait for it."""
     from mp2a.cores import restore_timer_slack
-    from mp2a.mpi import MPI
+    from mp2a.mpi import MPI, check_launcher
 
+    check_launcher()
     restore_timer_slack()
     try:
         run(options)
