@@ -12,7 +12,7 @@ from mp2a.exceptions import InputError
 from mp2a.joint_kinematics import BaseMotion, joint_torque
 from mp2a.kernels.tables import NUMBER_FORMATS
 from mp2a.methods import METHODS
-from mp2a.methods.local import solve
+from mp2a.methods.local import solve_locally
 from mp2a.model import Model
 from mp2a.results import InverseDynamics, Placement
 from mp2a.spatial import Array
@@ -149,7 +149,7 @@ def _by_messages(
     targets: tuple[Array | None, Array | None], *, bodies: bool,
 ) -> tuple[Array, Array | None]:  # fmt: skip
     """Torques ``(T, nv)``, and motion and force ``(T, n, 18)``, of robots that exchange messages in this process."""
-    scan, _ = solve(METHODS[method], model, state, gravity)
+    scan, _ = solve_locally(METHODS[method], model, state, gravity)
     torques = joint_torque(model, scan.force)
     torque, table = targets
     if torque is None:
