@@ -42,14 +42,14 @@ def main() -> None:
 def table(found: dict[str, object]) -> str:
     """Write times of one sample in ms, and how many times faster the sweep is, as Markdown."""
     lines = [
-        f"| latency | n | {' | '.join(CONTENDERS)} | sweep over kogge-stone | sweep over relay |",
+        f"| latency | n | {' | '.join(CONTENDERS)} | sweep over kogge-stone | sweep over pipeline |",
         "|" + "---|" * (len(CONTENDERS) + 4),
     ]
     for seconds, runs in emulated(found).items():
         for run in runs:
             walls = {name: run["measured"][name]["single"]["wall"] for name in CONTENDERS if name in run["measured"]}
             cells = [f"{1e3 * walls[name]:.3g}" if name in walls else "-" for name in CONTENDERS]
-            ratios = [f"{walls[name] / walls['sweep']:.1f}×" for name in ("kogge-stone", "relay")]
+            ratios = [f"{walls[name] / walls['sweep']:.1f}×" for name in ("kogge-stone", "pipeline")]
             lines.append(f"| {1e3 * seconds:g} ms | {run['n']} | {' | '.join([*cells, *ratios])} |")
     return "\n".join(lines)
 
