@@ -73,6 +73,11 @@ def show_ratio(value: float | Spread) -> str:
     return _show_scaled(value, 1.0, "×")
 
 
+def show_plain(value: float | Spread) -> str:
+    """Write a number, and quartiles where they differ."""
+    return _show_scaled(value, 1.0, "")
+
+
 def _show_scaled(value: float | Spread, factor: float, unit: str) -> str:
     if not isinstance(value, Spread):
         return f"{_show_digits(factor * value)}{unit}"
@@ -106,7 +111,7 @@ def as_text(tables: Sequence[Table], notes: Sequence[str] = ()) -> str:
     parts = []
     for table in tables:
         blocks = ("\n".join(_block(part, width)) for part in _parts_of(table, width))
-        parts.append("\n".join((_fill(table.title, width), *blocks)))
+        parts.append(_fill(table.title, width) + "\n" + "\n\n".join(blocks))
     return "\n\n".join((*parts, *(_fill(note, width) for note in notes)))
 
 
