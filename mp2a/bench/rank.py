@@ -71,7 +71,7 @@ def measure_run(settings: BenchSettings, report: Callable[[str], None]) -> dict[
 
     link = make_link(comm, network)
     pipeline = Pipeline(link, model)
-    contenders: dict[str, Callable[..., Array]] = {name: _torque_of(f) for name, f in formations.items()}
+    contenders: dict[str, Callable[..., Array]] = {name: f.rnea for name, f in formations.items()}
     contenders |= {PIPELINE: pipeline.rnea, PIPELINE_BLOCKS: Pipeline(link, model, BLOCKS).rnea}
     if pinocchio_fits:
         contenders[GATHER_SCATTER] = GatherScatter(link, model, reference).rnea
@@ -119,10 +119,6 @@ def measure_run(settings: BenchSettings, report: Callable[[str], None]) -> dict[
         "modelled": _modelled(n, settings, constants),
         "constants": constants._asdict(),
     }
-
-
-def _torque_of(formation: DistributedModel) -> Callable[..., Array]:
-    return lambda *state: formation.rnea(*state).torque
 
 
 def _reference(model: Model) -> tuple[Reference | None, str | None]:
