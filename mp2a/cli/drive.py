@@ -71,6 +71,9 @@ def _drive(options: argparse.Namespace) -> int:
     if under_mpirun():
         from mpi4py import MPI
 
+        from mp2a.robots.launcher import end_with_launcher
+
+        end_with_launcher()
         comm = MPI.COMM_WORLD if MPI.COMM_WORLD.size > 1 else None
     if comm is None:
         return _drive_as(options, None)

@@ -12,6 +12,7 @@ from typing import Any
 
 from mp2a.exceptions import DependencyError
 from mp2a.robots import watchdog
+from mp2a.robots.launcher import launcher_pid
 from mp2a.robots.table import RobotInterface
 
 _START_PATIENCE = 30.0
@@ -19,7 +20,7 @@ _START_PATIENCE = 30.0
 _END_PATIENCE = 5.0
 
 
-class SenderGone(RuntimeError):
+class WatchdogGoneError(DependencyError):
     """The watchdog has ended: nothing reaches the robot any more, and it stands."""
 
 
@@ -43,7 +44,7 @@ class Sender:
 
     def __init__(self, interface: RobotInterface, publisher: str, **more: Any) -> None:
         limits = {"max_speed": interface.model.max_speed, "max_turn_rate": interface.model.max_turn_rate}
-        settings = {**asdict(interface), **limits, **more, "publisher": publisher}
+        settings = {**asdict(interface), **limits, **more, "publisher": publisher, "launcher": launcher_pid()}
         del settings["model"]
         command = [sys.executable, "-m", "mp2a.robots.watchdog", json.dumps(settings)]
         # A session of its own: what ends the planner's group must not end the watchdog before the robot stands.
@@ -65,18 +66,18 @@ class Sender:
 
         Raises
         ------
-        SenderGone
+        WatchdogGoneError
             If the watchdog has ended or does not read any more.
         """
         try:
             os.write(self._pipe, watchdog.COMMAND.pack(speed, turn_rate))
         except (BrokenPipeError, BlockingIOError, OSError) as error:
             status = self._process.poll()
-            raise SenderGone(f"the watchdog takes no more commands ({_reason(status)}); the robot stands") from error
+            raise WatchdogGoneError(f"the watchdog takes no more commands ({_reason(status)}); the robot stands") from error
 
     def close(self) -> None:
         """End the watchdog, which stops the robot first."""
-        with contextlib.suppress(SenderGone):
+        with contextlib.suppress(WatchdogGoneError):
             self.send(float("nan"), float("nan"))
         with contextlib.suppress(OSError):
             self._process.stdin.close()  # type: ignore[union-attr]
@@ -109,5 +110,6 @@ def _reason(status: int | None) -> str:
     reasons = {
         None: "it does not read", watchdog.PLANNER_GONE: "its pipe was closed",
         watchdog.STALLED: "it has got no command for too long", watchdog.SIGNALLED: "it got a signal",
+        watchdog.LAUNCHER_GONE: "mpirun has ended",
     }  # fmt: skip
     return reasons.get(status, f"it ended with status {status}")
