@@ -1,6 +1,6 @@
 r"""Rigid motion in the plane: poses, and how frames move, batched (`mp2a.spatial` is the same in space).
 
-A pose is ``(..., 3)``: x m, y m and heading rad of a frame in another one; headings are not wrapped. Poses are the group
+A pose is ``(..., 3)``: x m, y m and heading rad of a frame in another one; headings are not wrapped. Poses are a group,
 SE(2): `compose`, `inverse`, `relative`, and `act` on points ``(..., 2)``. A `PlanarMotion` is a pose with its first and
 second derivative, and these are a group as well, by the methods of the same names.
 """
