@@ -14,7 +14,7 @@ MODULES = sorted(ROOT.rglob("*.py"))
 
 # From the bottom to the top; what is not named here stands above all of it.
 LAYERS = (
-    "exceptions", "checks", "cores", "network", "spatial", "joints", "readers", "model", "validation",
+    "exceptions", "checks", "cores", "network", "spatial", "se2", "joints", "readers", "model", "validation",
     "joint_kinematics", "algebra", "kernels", "recursion", "schedule", "transport", "methods", "dynamics",
     "distributed", "process_grid", "formation", "launch", "reference", "cost_model", "bench", "simulator", "robots",
     "plot", "cli",
