@@ -4,12 +4,15 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
+from mp2a.exceptions import InputError
 from mp2a.robots.start import PERIOD, Start
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
 _TAG = 77
+_FAREWELLS = 10
+"""Messages to those whose terms are refused."""
 
 
 class Channel(Protocol):
@@ -75,6 +78,8 @@ def agree(
 
     Raises
     ------
+    InputError
+        If another robot drives by other terms. The others are told for another second, so that they refuse as well.
     DependencyError
         If somebody is missing for a minute, a clock is ahead, or it is too late.
 
@@ -90,8 +95,14 @@ def agree(
             channel.announce(True)
             announced = True
         sleep(PERIOD)
-        for text in channel.receive():
-            for answer in start.hear(text, clock()):
-                channel.publish(answer)
+        try:
+            for text in channel.receive():
+                for answer in start.hear(text, clock()):
+                    channel.publish(answer)
+        except InputError:
+            for _ in range(_FAREWELLS):
+                channel.publish(start.introduction())
+                sleep(PERIOD)
+            raise
         start.check(clock() - began)
     return start.time

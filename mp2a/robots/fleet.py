@@ -16,6 +16,7 @@ from mp2a.robots.planner import ChoreographyPlanner
 from mp2a.robots.ready import wait_until_ready
 from mp2a.robots.robots_file import RobotsFile
 from mp2a.robots.start import Start
+from mp2a.robots.terms import Terms, check_terms, terms_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -111,7 +112,12 @@ def build(
     def dance() -> Choreography:
         return Choreography(scenario, models, max_speed)
 
-    order = Order(scenario, found, roles, comm, armed, dance().places())
+    whole = dance()
+    terms = terms_of(scenario, models, whole.max_speed)
+    if comm is not None:
+        for role, others in zip(scenario.robots, comm.allgather(terms), strict=True):
+            check_terms(roles[0], terms, role, others)
+    order = Order(scenario, found, roles, comm, armed, whole.places())
     made = adapter.make(order)
     in_place = adapter.own_frames and found.origin == "in-place"
     drivers = []
@@ -122,18 +128,18 @@ def build(
     if made.pace is not None:
         epochs = made.epochs or [EPOCH] * len(roles)
         return Crew(drivers, made.pace, dict(zip(roles, epochs, strict=True)), made.report)
-    pace = _start_together(order, made)
+    pace = _start_together(order, made, terms)
     return Crew(drivers, pace, {roles[0]: time.time_ns() - round(1e9 * pace.now())}, made.report)
 
 
-def _start_together(order: Order, made: Made) -> Ticker:
+def _start_together(order: Order, made: Made, terms: Terms) -> Ticker:
     """Wait until the robot is there, agree with the others when to start, and return the clock."""
     [role], [robot] = order.roles, made.robots
     try:
         wait_until_ready(robot, role)
         assert made.channel is not None
         channel = made.channel() if order.comm is None else MpiChannel(order.comm)
-        start = agree(Start(role, order.scenario.robots), channel)
+        start = agree(Start(role, order.scenario.robots, terms), channel)
     except BaseException:
         robot.close()
         raise
