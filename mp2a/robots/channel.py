@@ -8,7 +8,7 @@ from mp2a.exceptions import InputError
 from mp2a.robots.start import PERIOD, Start
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
+    from mp2a.mpi import MPI
 
 _TAG = 77
 _FAREWELLS = 10

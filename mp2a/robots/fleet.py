@@ -19,7 +19,7 @@ from mp2a.robots.start import Start
 from mp2a.robots.terms import Terms, check_terms, terms_of
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
+    from mp2a.mpi import MPI
 
 
 class Crew(NamedTuple):

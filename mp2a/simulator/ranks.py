@@ -8,10 +8,10 @@ from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
-from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from mp2a.exceptions import InputError
+from mp2a.mpi import MPI
 from mp2a.simulator.observation import Observation
 from mp2a.spatial import Array
 from mp2a.transport.mpi import raise_together
