@@ -67,8 +67,8 @@ def _turn(axis: Array, cosine: Array, sine: Array) -> Array:
     return c * np.eye(3) + s * skew(axis)[:, None] + (1.0 - c) * outer
 
 
-def _quaternion(q: Array) -> Array:
-    """Rotation of quaternions ``(..., 4)`` in the order x, y, z, w, as Eigen's ``toRotationMatrix``."""
+def rotation_of_quaternion(q: Array) -> Array:
+    """Return the rotations of quaternions ``(..., 4)`` in the order x, y, z, w, as Eigen's ``toRotationMatrix``."""
     x, y, z, w = np.moveaxis(q, -1, 0)
     out = np.empty((*q.shape[:-1], 3, 3))
     out[..., 0, 0] = 1 - 2 * (y * y + z * z)
@@ -101,11 +101,11 @@ def _place_planar(axis: Array, q: Array) -> tuple[Array, Array]:
 
 
 def _place_spherical(axis: Array, q: Array) -> tuple[Array, Array]:
-    return _quaternion(q), np.zeros((*q.shape[:-1], 3))
+    return rotation_of_quaternion(q), np.zeros((*q.shape[:-1], 3))
 
 
 def _place_free(axis: Array, q: Array) -> tuple[Array, Array]:
-    return _quaternion(q[..., 3:]), q[..., :3]
+    return rotation_of_quaternion(q[..., 3:]), q[..., :3]
 
 
 def _angular_axis(axis: Array) -> Array:

@@ -17,14 +17,16 @@ from mp2a.formation.choreography.ideal import run as ideal_run
 from mp2a.formation.choreography.places import compose
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
+from mp2a.formation.outcome import status
 from mp2a.formation.robot_models import HUSKY
-from mp2a.robots import fleet, robots_file, sound
+from mp2a.robots import drive_setup, robots_file, sound
+from mp2a.robots.clock import VirtualClock
 from mp2a.robots.driver import Driver, run
-from mp2a.robots.dry import DryRobot, VirtualPace
+from mp2a.robots.dry import DryRobot
 from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.robots.planner import ChoreographyPlanner, origin_of
-from mp2a.robots.simulated import SimulatedPace
-from mp2a.robots.table import INTERFACES
+from mp2a.robots.robot_config import ROBOT_CONFIGS
+from mp2a.robots.simulated import SimulationClock
 from mp2a.simulator import NO_SLIP, PHYSICS_ENGINE_SLIP, Simulation, World
 
 SCENARIOS = Path(__file__).parents[1] / "examples" / "scenarios"
@@ -35,28 +37,31 @@ POSE = st.tuples(*[st.floats(-5, 5)] * 3)
 
 def simulated(scenario, world=None, slip=NO_SLIP):
     """Drivers of simulated robots, in one process."""
-    interfaces = [INTERFACES["husky"]] * len(scenario.robots)
+    configs = [ROBOT_CONFIGS["husky"]] * len(scenario.robots)
     places = Choreography(scenario, HUSKY).places()
     simulation = Simulation(World() if world is None else world, HUSKY, places, slip=slip)
-    pace = SimulatedPace(simulation, 0.05, range(len(places)))
+    clock = SimulationClock(simulation, 0.05, range(len(places)))
     drivers = [
-        Driver(role, robot, interface, ChoreographyPlanner(Choreography(scenario, HUSKY), role, True), False)
-        for role, robot, interface in zip(scenario.robots, pace.robots, interfaces, strict=True)
+        Driver(role, robot, config, ChoreographyPlanner(Choreography(scenario, HUSKY), role, True), False)
+        for role, robot, config in zip(scenario.robots, clock.robots, configs, strict=True)
     ]
-    return drivers, pace
+    return drivers, clock
 
 
-def steps_of(drivers, pace, longest=100):
-    """Drive; returns whether all went well, and the steps by role."""
+def steps_of(drivers, clock, longest=100):
+    """Drive; returns whether all went well, and the steps by role, without the last one that stops the robot."""
     steps = {driver.role: [] for driver in drivers}
-    return run(drivers, pace, longest, lambda driver, step: steps[driver.role].append(step)), steps
+    run(drivers, clock, longest, lambda driver, step: steps[driver.role].append(step))
+    last = [driven.pop() for driven in steps.values()]
+    assert all(step.stands and not step.command.any() for step in last)
+    return not status(driver.outcome() for driver in drivers), steps
 
 
 def test_each_robot_alone_does_what_all_together_do():
     """Nobody needs to know the others: ideal robots drive as in one choreography that knows all."""
-    found = robots_file.parse('[robots.R1]\nmodel="husky"\n[robots.R2]\nmodel="husky"', TWO.robots)
-    crew = fleet.build(TWO, found, TWO.robots, None)
-    good, steps = steps_of(crew.drivers, crew.pace)
+    found = robots_file.parse_robots('[robots.R1]\nmodel="husky"\n[robots.R2]\nmodel="husky"', TWO.robots)
+    setup = drive_setup.set_up(TWO, found, TWO.robots, None)
+    good, steps = steps_of(setup.drivers, setup.clock)
     assert good
     together = ideal_run(Choreography(TWO, HUSKY))
     for i, role in enumerate(TWO.robots):
@@ -67,10 +72,10 @@ def test_each_robot_alone_does_what_all_together_do():
 
 @pytest.mark.parametrize("slip", [NO_SLIP, PHYSICS_ENGINE_SLIP])
 def test_commands_keep_to_speeds_and_accelerations(slip):
-    drivers, pace = simulated(TWO, slip=slip)
-    good, steps = steps_of(drivers, pace)
+    drivers, clock = simulated(TWO, slip=slip)
+    good, steps = steps_of(drivers, clock)
     assert good
-    assert not pace.simulation.collisions
+    assert not clock.simulation.collisions
     for driven in steps.values():
         commands = np.array([step.command for step in driven])
         assert (np.abs(commands) <= [HUSKY.max_speed, HUSKY.max_turn_rate]).all()
@@ -81,8 +86,8 @@ def test_commands_keep_to_speeds_and_accelerations(slip):
 
 def test_learning_slip_brings_slipping_robots_closer_to_their_path(monkeypatch):
     def error():
-        drivers, pace = simulated(TWO, slip=PHYSICS_ENGINE_SLIP)
-        good, steps = steps_of(drivers, pace)
+        drivers, clock = simulated(TWO, slip=PHYSICS_ENGINE_SLIP)
+        good, steps = steps_of(drivers, clock)
         assert good
         worst = 0.0
         for driven in steps.values():
@@ -124,8 +129,8 @@ class Failing(DryRobot):
 def fail(what, lidar=True):
     robot = Failing([-0.5, 0, 0], what, lidar)
     planner = ChoreographyPlanner(Choreography(AHEAD, HUSKY), "R1", lidar)
-    driver = Driver("R1", robot, INTERFACES["husky"], planner, False)
-    good, steps = steps_of([driver], VirtualPace(0.05, [robot]), 30)
+    driver = Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, False)
+    good, steps = steps_of([driver], VirtualClock(0.05, [robot]), 30)
     return good, robot, steps["R1"]
 
 
@@ -159,7 +164,9 @@ def test_a_pose_that_is_lost_at_the_start_does_not_lose_the_place():
     """The frames are tied at the first pose that is known, wherever the robot's own frame lies."""
     robot = Failing([3.0, -2.0, 1.0], lambda tick: "pose" if tick < 3 else None, False)
     planner = ChoreographyPlanner(Choreography(AHEAD, HUSKY), "R1", False)
-    good, steps = steps_of([Driver("R1", robot, INTERFACES["husky"], planner, True)], VirtualPace(0.05, [robot]), 30)
+    good, steps = steps_of(
+        [Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, True)], VirtualClock(0.05, [robot]), 30
+    )
     assert good
     assert np.isnan(steps["R1"][1].pose).all()
     np.testing.assert_allclose(steps["R1"][2].pose, [-0.5, 0, 0], atol=1e-12)
@@ -193,7 +200,7 @@ def test_a_robot_is_closed_whatever_happens():
     robot = Broken(HUSKY, np.zeros(3))
     planner = ChoreographyPlanner(Choreography(AHEAD, HUSKY), "R1", False)
     with pytest.raises(RuntimeError, match="no"):
-        run([Driver("R1", robot, INTERFACES["husky"], planner, False)], VirtualPace(0.05, [robot]), 30)
+        run([Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, False)], VirtualClock(0.05, [robot]), 30)
     assert robot.closed
 
 
@@ -212,8 +219,8 @@ def test_where_the_fixed_frame_lies_does_not_matter(frame):
         robot = DryRobot(HUSKY, start)
         scenario = parse("robots R1\nrow R1 0 0\nmove 1 40")
         planner = ChoreographyPlanner(Choreography(scenario, HUSKY), "R1", False)
-        driver = Driver("R1", robot, INTERFACES["husky"], planner, True)
-        _, steps = steps_of([driver], VirtualPace(0.05, [robot]), 2)
+        driver = Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, True)
+        _, steps = steps_of([driver], VirtualClock(0.05, [robot]), 2)
         return np.array([step.command for step in steps["R1"]])
 
     np.testing.assert_allclose(commands(np.array(frame)), commands(np.zeros(3)), atol=1e-6)
@@ -227,7 +234,7 @@ def test_dry_run_prints_what_would_be_sent_and_records_it(tmp_path, capsys):
     assert main(["drive", path, "--robots", "R1=husky,R2=tradr", "--record", str(tmp_path), "--bag", "none"]) == 0
     printed = capsys.readouterr().out
     assert "/nav/cmd_vel  linear.x" in printed
-    assert printed.count("would be sent  done") == 2
+    assert printed.count("would be sent  done") == 4  # at its end, and the zero that stops it
     assert sorted(file.name for file in tmp_path.iterdir()) == ["R1.csv", "R2.csv"]
     with (tmp_path / "R2.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -268,9 +275,9 @@ def test_a_scenario_that_is_not_there(capsys):
 
 
 def test_unequal_rates_need_real_time():
-    found = robots_file.parse('[robots.R1]\nmodel="husky"\nrate=25\n[robots.R2]\nmodel="husky"', TWO.robots)
+    found = robots_file.parse_robots('[robots.R1]\nmodel="husky"\nrate=25\n[robots.R2]\nmodel="husky"', TWO.robots)
     with pytest.raises(InputError, match="rate: got 20, 25 Hz, expected one for all"):
-        fleet.build(TWO, found, TWO.robots, None)
+        drive_setup.set_up(TWO, found, TWO.robots, None)
 
 
 def test_a_wrong_number_of_ranks_ends_all():

@@ -18,7 +18,7 @@ from mp2a import launch
 from mp2a.exceptions import DependencyError, InputError
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.robot_models import HUSKY, TRADR
-from mp2a.robots.channel import agree
+from mp2a.robots.channel import agree_on_start
 from mp2a.robots.start import CLOCK_TOLERANCE, LEAD, PATIENCE, Start
 from mp2a.robots.terms import terms_of
 
@@ -99,8 +99,8 @@ def test_the_latest_proposal_holds_in_whatever_order_they_come(order):
         start.hear(f"test R1 {role}", 3.0)
         introduce(start, role)
     start.say(3.5)
-    for role, time in order:
-        start.hear(f"sync {role} {time}", 3.5)
+    for role, proposal in order:
+        start.hear(f"sync {role} {proposal}", 3.5)
     assert start.time == 3.5 + LEAD
 
 
@@ -174,7 +174,7 @@ def test_both_of_two_robots_that_differ_learn_of_it():
 
         channel = SimpleNamespace(publish=publish, receive=receive, announce=lambda ready: None)
         try:
-            agree(Start(role, ("R1", "R2"), terms), channel)
+            agree_on_start(Start(role, ("R1", "R2"), terms), channel)
         except InputError as error:
             errors[role] = str(error)
 
@@ -185,8 +185,8 @@ def test_both_of_two_robots_that_differ_learn_of_it():
     talk_as("R2", "R1", {**TERMS, "v_max": "0.5 m/s"})
     first.join(10)
     assert errors == {
-        role: f"start: {role} and {other} were not given the same, expected no difference: v_max: {own} m/s for {role}, "
-        f"{theirs} m/s for {other}"
+        role: f"start: {role} and {other} were not given the same, expected no difference: "
+        f"v_max: {own} m/s for {role}, {theirs} m/s for {other}"
         for role, other, own, theirs in (("R1", "R2", 0.7, 0.5), ("R2", "R1", 0.5, 0.7))
     }
 
@@ -216,10 +216,10 @@ def test_one_robot_alone_starts_by_itself():
 def test_ranks_agree_over_mpi():
     """Real messages, real time; every rank says the same time to the last digit."""
     program = (
-        "import time\nfrom mpi4py import MPI\nfrom mp2a.robots.channel import MpiChannel, agree\n"
+        "import time\nfrom mpi4py import MPI\nfrom mp2a.robots.channel import MpiChannel, agree_on_start\n"
         "from mp2a.robots.start import Start\ncomm = MPI.COMM_WORLD\ntime.sleep(0.3 * comm.rank)\n"
         "roles = [f'R{k}' for k in range(comm.size)]\n"
-        "print('agreed', repr(agree(Start(roles[comm.rank], roles, {}, 1.0), MpiChannel(comm))), flush=True)\n"
+        "print('agreed', repr(agree_on_start(Start(roles[comm.rank], roles, {}, 1.0), MpiChannel(comm))), flush=True)\n"
     )
     done = launch.run(
         3, [sys.executable, "-m", "mpi4py", "-c", program], timeout=90, stdout=subprocess.PIPE,

@@ -15,10 +15,10 @@ import pytest
 from mp2a import launch
 from mp2a.exceptions import DependencyError
 from mp2a.robots import watchdog
+from mp2a.robots.robot_config import ROBOT_CONFIGS
 from mp2a.robots.sender import Sender, WatchdogGoneError
-from mp2a.robots.table import INTERFACES
 
-HUSKY = INTERFACES["husky"]
+HUSKY = ROBOT_CONFIGS["husky"]
 LONG = 20.0
 
 # A planner: starts a watchdog, says both process ids, and drives; what then, by the second argument.
@@ -26,14 +26,14 @@ PLANNER = """
 import os, sys, time
 import signal
 from mp2a.robots.sender import Sender
-from mp2a.robots.table import INTERFACES
+from mp2a.robots.robot_config import ROBOT_CONFIGS
 
 file, what = sys.argv[1:3]
 if what.startswith("mpi"):
     from mpi4py import MPI
     file += str(MPI.COMM_WORLD.rank)
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs come with it ignored
-sender = Sender(INTERFACES["husky"], "file", file=file)
+sender = Sender(ROBOT_CONFIGS["husky"], "file", file=file)
 print(os.getpid(), sender.pid, flush=True)
 begin = time.monotonic()
 while time.monotonic() < begin + 0.5:
@@ -243,7 +243,8 @@ def test_ranks_of_a_killed_mpirun_end_with_it(tmp_path):
 
 def children(pid):
     """Processes that a process has started, by any of its threads."""
-    return [int(text) for task in Path(f"/proc/{pid}/task").iterdir() for text in (task / "children").read_text().split()]
+    tasks = Path(f"/proc/{pid}/task").iterdir()
+    return [int(text) for task in tasks for text in (task / "children").read_text().split()]
 
 
 # ---- while all is well -----------------------------------------------------------------------------------------

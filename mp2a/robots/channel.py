@@ -22,7 +22,7 @@ class Channel(Protocol):
         """Send a text to everybody."""
 
     def receive(self) -> list[str]:
-        """Texts that have come since the last call; never waits."""
+        """Return the texts that have come since the last call; never waits."""
 
     def announce(self, ready: bool) -> None:
         """Tell this robot's own programs whether all robots are ready."""
@@ -42,17 +42,17 @@ class MpiChannel:
         self._sent += [self._comm.isend(text, rank, _TAG) for rank in others]
 
     def receive(self) -> list[str]:
-        """Texts that have come."""
+        """Return the texts that have come."""
         out = []
         while self._comm.iprobe(tag=_TAG):
             out.append(self._comm.recv(tag=_TAG))
         return out
 
     def announce(self, ready: bool) -> None:
-        """Nobody else listens here."""
+        """Tell nobody: no other program listens here."""
 
 
-def agree(
+def agree_on_start(
     start: Start,
     channel: Channel,
     clock: Callable[[], float] = time.time,

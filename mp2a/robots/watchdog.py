@@ -22,12 +22,12 @@ import time
 from typing import NamedTuple
 
 from mp2a.exceptions import DependencyError
+from mp2a.robots.child import READY
 from mp2a.robots.launcher import open_launcher
-from mp2a.robots.publishers import Publisher, Settings, open_publisher
+from mp2a.robots.publishers import CommandPublisher, Settings, open_publisher
 
 COMMAND = struct.Struct("<dd")
 """A command on the pipe; not a number: the planner has come to its end."""
-READY = "ready\n"
 ENDED, PLANNER_GONE, STALLED, SIGNALLED, LAUNCHER_GONE = 0, 3, 4, 5, 6
 """Exit status: as told; end of input; patience over; signal; mpirun gone."""
 _ZERO_FOR = 0.5
@@ -71,7 +71,7 @@ def main() -> int:
     return status
 
 
-def _relay(publisher: Publisher, settings: Settings, signalled: list[int]) -> int:
+def _relay(publisher: CommandPublisher, settings: Settings, signalled: list[int]) -> int:
     period, patience = 1.0 / settings["rate"], settings["patience"]
     heard = Heard(None, 0.0, b"", None)
     try:
@@ -121,7 +121,7 @@ def _within(command: tuple[float, float], settings: Settings) -> tuple[float, fl
     return min(max(command[0], -speed), speed), min(max(command[1], -turn_rate), turn_rate)
 
 
-def _stop(publisher: Publisher, settings: Settings) -> None:
+def _stop(publisher: CommandPublisher, settings: Settings) -> None:
     period = 1.0 / settings["rate"]
     for _ in range(max(2, round(_ZERO_FOR / period))):
         if not publisher.human():

@@ -12,9 +12,9 @@ from listening import Listener
 
 from mp2a.exceptions import DependencyError
 from mp2a.robots import sound
+from mp2a.robots.robot_config import ROBOT_CONFIGS
 from mp2a.robots.robots_file import within
 from mp2a.robots.sender import Sender
-from mp2a.robots.table import INTERFACES
 
 pytestmark = pytest.mark.ros
 
@@ -23,8 +23,8 @@ PLANNER = """
 import sys, time
 from mp2a.robots.robots_file import within
 from mp2a.robots.sender import Sender
-from mp2a.robots.table import INTERFACES
-sender = Sender(within(INTERFACES["husky"], "wire"), "ros1", role="wire")
+from mp2a.robots.robot_config import ROBOT_CONFIGS
+sender = Sender(within(ROBOT_CONFIGS["husky"], "wire"), "ros1", role="wire")
 print("up", flush=True)
 while True:
     sender.send(0.5, 0.1)
@@ -63,7 +63,7 @@ def test_stamped_commands(master):
     from geometry_msgs.msg import TwistStamped
 
     listener = Listener("/stamped/cmd_vel", TwistStamped)
-    interface = replace(within(INTERFACES["husky-jazzy"], "stamped"), rate=20.0)
+    interface = replace(within(ROBOT_CONFIGS["husky-jazzy"], "stamped"), rate=20.0)
     sender = Sender(interface, "ros1", role="stamped")
     for _ in range(10):
         sender.send(0.3, 0.0)
@@ -85,7 +85,7 @@ def test_the_human_wins(master):
 
     listener = Listener("/hand/nav/cmd_vel", Twist)
     human = rospy.Publisher("/hand/cmd_vel", Twist, queue_size=1)
-    sender = Sender(within(INTERFACES["husky"], "hand"), "ros1", role="hand")
+    sender = Sender(within(ROBOT_CONFIGS["husky"], "hand"), "ros1", role="hand")
 
     def spell(seconds, by_hand):
         for _ in range(round(seconds / 0.05)):
@@ -144,7 +144,7 @@ def test_a_mux_is_asked_again_and_again_and_released(master, tmp_path, monkeypat
         rospy.Service("/t/mux_cmd_vel/acquire", Acquire, answer("acquire")),
         rospy.Service("/t/mux_cmd_vel/release", Release, answer("release")),
     ]
-    sender = Sender(within(INTERFACES["tradr"], "t"), "ros1", role="t")
+    sender = Sender(within(ROBOT_CONFIGS["tradr"], "t"), "ros1", role="t")
     for _ in range(30):
         sender.send(0.3, 0.0)
         time.sleep(0.05)
@@ -163,13 +163,13 @@ def test_a_mux_whose_package_is_missing_is_named(master):
 
     listener = Listener("/u/nav/cmd_vel", Twist)
     with pytest.raises(DependencyError, match=r"nifti_teleop.*or let the robot ask: command_topic"):
-        Sender(within(INTERFACES["tradr"], "u"), "ros1", role="u")
+        Sender(within(ROBOT_CONFIGS["tradr"], "u"), "ros1", role="u")
     listener.close()
 
 
 def test_nobody_listens(master):
     with pytest.raises(DependencyError, match="nobody listens to /nowhere/nav/cmd_vel"):
-        Sender(within(INTERFACES["husky"], "nowhere"), "ros1", role="nowhere")
+        Sender(within(ROBOT_CONFIGS["husky"], "nowhere"), "ros1", role="nowhere")
 
 
 def test_sound_requests_are_those_of_sound_play(master):
@@ -188,7 +188,7 @@ def test_robots_without_mpi_start_together_over_sync(master):
     program = (
         "import sys\nfrom mp2a.robots.channel import agree\nfrom mp2a.robots.ros1.robot import Ros1Channel\n"
         "from mp2a.robots.start import Start\nrole = sys.argv[1]\n"
-        "print(repr(agree(Start(role, ['R1', 'R2', 'R3'], 2.0), Ros1Channel(role, f'/{role}/all_ready'))))"
+        "print(repr(agree_on_start(Start(role, ['R1', 'R2', 'R3'], 2.0), Ros1Channel(role, f'/{role}/all_ready'))))"
     )
     robots = []
     for role in ("R1", "R2", "R3"):

@@ -17,7 +17,7 @@ from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY
 from mp2a.robots import sound
-from mp2a.robots.steps import COLUMNS
+from mp2a.robots.ticks import COLUMNS
 
 pytestmark = pytest.mark.ros
 ROOT = Path(__file__).parents[2]

@@ -18,8 +18,8 @@ import json, time
 from dataclasses import replace
 from mp2a.robots.robots_file import within
 from mp2a.robots.ros2.robot import Ros2Robot
-from mp2a.robots.table import INTERFACES
-robot = Ros2Robot("R1", within(replace(INTERFACES["husky"], pose="odometry"), "R1"), False)
+from mp2a.robots.robot_config import ROBOT_CONFIGS
+robot = Ros2Robot("R1", within(replace(ROBOT_CONFIGS["husky"], pose="odometry"), "R1"), False)
 while True:
     sensed = robot.sense()
     seen = None if sensed.points is None else len(sensed.points)

@@ -4,16 +4,17 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from mp2a.exceptions import InputError
+import numpy as np
+
+from mp2a.exceptions import DependencyError, InputError
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.choreography.scenario import Scenario
-from mp2a.robots.adapters import ADAPTERS, EPOCH, Made, Order
-from mp2a.robots.channel import MpiChannel, agree
+from mp2a.robots.adapters import ADAPTERS, EPOCH, AdapterConfig, AdapterResult
+from mp2a.robots.channel import MpiChannel, agree_on_start
+from mp2a.robots.clock import RealTimeClock
 from mp2a.robots.driver import Driver
-from mp2a.robots.interface import Pace
-from mp2a.robots.pace import Ticker
+from mp2a.robots.interface import Clock, Robot
 from mp2a.robots.planner import ChoreographyPlanner
-from mp2a.robots.ready import wait_until_ready
 from mp2a.robots.robots_file import RobotsFile
 from mp2a.robots.start import Start
 from mp2a.robots.terms import Terms, check_terms, terms_of
@@ -21,24 +22,29 @@ from mp2a.robots.terms import Terms, check_terms, terms_of
 if TYPE_CHECKING:
     from mp2a.mpi import MPI
 
+_THERE = 30.0
+"""s for a robot's topics to tell where it is."""
 
-class Crew(NamedTuple):
+
+class DriveSetup(NamedTuple):
     """Robots that are ready to drive."""
 
     drivers: list[Driver]
     """One for each robot of this process."""
-    pace: Pace
+    clock: Clock
     """Whose time 0 is the start."""
     epochs: Mapping[str, int]
     """ns by role: what records call time 0. The clock's reading where time is real."""
     report: Callable[[bool], list[str]]
     """Lines to print when all is over, told whether all came to the end."""
+    touched: Callable[[], Mapping[str, Sequence[str]]]
+    """What each robot has driven into so far, by role, as far as that is known."""
 
 
 def roles_of_this_process(
     scenario: Scenario, adapter: str, role: str | None, comm: "MPI.Comm | None"
 ) -> tuple[str, ...]:
-    """Tell which robots this process drives: one a rank, or the named one, or (virtual robots only) all.
+    """Return the robots that this process drives: one a rank, or the named one, or (virtual robots only) all.
 
     Raises
     ------
@@ -67,22 +73,22 @@ def roles_of_this_process(
     return roles
 
 
-def build(
+def set_up(
     scenario: Scenario,
-    found: RobotsFile,
+    robots: RobotsFile,
     roles: Sequence[str],
     comm: "MPI.Comm | None",
     *,
     armed: bool = False,
     max_speed: float | None = None,
-) -> Crew:
+) -> DriveSetup:
     """Make this process' robots ready, and agree with the others when to start.
 
     Parameters
     ----------
     scenario
         What is driven.
-    found
+    robots
         Robots and what is behind them.
     roles
         Of this process.
@@ -95,52 +101,72 @@ def build(
 
     Returns
     -------
-    Crew
+    DriveSetup
         A driver for each of ``roles``, and the clock.
 
     Raises
     ------
     InputError, DependencyError
-        If the robots do not fit the scenario, or one cannot be reached.
+        If the robots do not fit the scenario, others drive by another one, or a robot cannot be reached.
     """
-    adapter = ADAPTERS[found.adapter]
-    rates = {found.interfaces[role].rate for role in scenario.robots}
+    adapter = ADAPTERS[robots.adapter]
+    configs = {role: robots.configs[role] for role in scenario.robots}
+    rates = sorted({config.rate for config in configs.values()})
     if not adapter.real and len(rates) > 1:
-        raise InputError(f"rate: got {', '.join(f'{rate:g}' for rate in sorted(rates))} Hz, expected one for all here")
-    models = {role: found.interfaces[role].model for role in scenario.robots}
+        raise InputError(f"rate: got {', '.join(f'{rate:g}' for rate in rates)} Hz, expected one for all here")
+    models = {role: config.model for role, config in configs.items()}
 
-    def dance() -> Choreography:
+    def choreography() -> Choreography:
         return Choreography(scenario, models, max_speed)
 
-    whole = dance()
+    whole = choreography()
     terms = terms_of(scenario, models, whole.max_speed)
     if comm is not None:
         for role, others in zip(scenario.robots, comm.allgather(terms), strict=True):
             check_terms(roles[0], terms, role, others)
-    order = Order(scenario, found, roles, comm, armed, whole.places())
-    made = adapter.make(order)
-    in_place = adapter.own_frames and found.origin == "in-place"
+    config = AdapterConfig(
+        robots.adapter, configs, whole.places(), roles, comm, armed, robots.world, robots.recording, robots.begin
+    )
+    result = adapter.make(config)
+    in_place = adapter.own_frames and robots.origin == "in-place"
     drivers = []
-    for role, robot in zip(roles, made.robots, strict=True):
-        interface = found.interfaces[role]
-        planner = ChoreographyPlanner(dance(), role, robot.has_lidar, interface.points_age)
-        drivers.append(Driver(role, robot, interface, planner, in_place))
-    if made.pace is not None:
-        epochs = made.epochs or [EPOCH] * len(roles)
-        return Crew(drivers, made.pace, dict(zip(roles, epochs, strict=True)), made.report)
-    pace = _start_together(order, made, terms)
-    return Crew(drivers, pace, {roles[0]: time.time_ns() - round(1e9 * pace.now())}, made.report)
+    for role, robot in zip(roles, result.robots, strict=True):
+        planner = ChoreographyPlanner(choreography(), role, robot.has_lidar, configs[role].points_age)
+        drivers.append(Driver(role, robot, configs[role], planner, in_place))
+    clock, epochs = result.clock, result.epochs or [EPOCH] * len(roles)
+    if clock is None:
+        clock = _start_together(config, result, terms)
+        epochs = [time.time_ns() - round(1e9 * clock.now())]
+    return DriveSetup(drivers, clock, dict(zip(roles, epochs, strict=True)), result.report, result.touched)
 
 
-def _start_together(order: Order, made: Made, terms: Terms) -> Ticker:
+def _start_together(config: AdapterConfig, result: AdapterResult, terms: Terms) -> RealTimeClock:
     """Wait until the robot is there, agree with the others when to start, and return the clock."""
-    [role], [robot] = order.roles, made.robots
+    [role], [robot] = config.roles, result.robots
     try:
-        wait_until_ready(robot, role)
-        assert made.channel is not None
-        channel = made.channel() if order.comm is None else MpiChannel(order.comm)
-        start = agree(Start(role, order.scenario.robots, terms), channel)
+        _wait_until_there(robot, role)
+        assert result.channel is not None
+        channel = result.channel() if config.comm is None else MpiChannel(config.comm)
+        start = agree_on_start(Start(role, tuple(config.robots), terms), channel)
     except BaseException:
         robot.close()
         raise
-    return Ticker(order.period, time.monotonic() + start - time.time())
+    return RealTimeClock(config.period, time.monotonic() + start - time.time())
+
+
+def _wait_until_there(robot: Robot, role: str) -> None:
+    """Wait until a robot knows its pose and speed, and (if it has a LIDAR) has seen points."""
+    deadline = time.monotonic() + _THERE
+    missing = ["points"] * robot.has_lidar
+    while True:
+        sensed = robot.sense()
+        if sensed.points is not None:
+            missing = []
+        unknown = {"pose": sensed.pose, "odometry": sensed.twist}
+        lost = [name for name, values in unknown.items() if not np.isfinite(values).all()] + missing
+        if not lost:
+            return
+        if time.monotonic() > deadline:
+            what = " and no ".join(lost)
+            raise DependencyError(f"{role}: no {what} for {_THERE:g} s; are its topics right and its nodes on?")
+        time.sleep(0.05)
