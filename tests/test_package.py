@@ -16,8 +16,8 @@ MODULES = sorted(ROOT.rglob("*.py"))
 LAYERS = (
     "exceptions", "dependencies", "mpi_environment", "mpi", "checks", "files", "cores", "network", "spatial",
     "se2", "joints", "readers", "model", "validation", "joint_kinematics", "algebra", "kernels", "recursion",
-    "schedule", "transport", "methods", "dynamics", "distributed", "process_grid", "formation", "launch", "reference", "cost_model",
-    "bench", "simulator", "robots", "plot", "cli",
+    "schedule", "transport", "methods", "dynamics", "distributed", "process_grid", "formation", "launch", "reference",
+    "cost_model", "bench", "simulator", "robots", "plot", "cli",
 )  # fmt: skip
 NOT_ON_A_RANK = (
     "matplotlib", "pinocchio", "rich", "typer", "click", "argparse", "mujoco", "scipy", "numba",

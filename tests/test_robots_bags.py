@@ -28,7 +28,7 @@ from mp2a.robots.robots_file import within
 from mp2a.robots.ticks import BEGINS, DriveTick, changes
 from mp2a.robots.topics import EVENTS_TOPIC, bag_topics
 from mp2a.robots.transforms import heading
-from mp2a.simulator import Simulation, World
+from mp2a.simulator import Recorder, Simulation, World
 
 SECOND = 1_000_000_000
 NUMBER = st.floats(-1e3, 1e3)

@@ -1,8 +1,10 @@
 """Robots drive scenarios behind the interface of real ones: ideal, simulated, failing."""
 
 import csv
+import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -19,13 +21,15 @@ from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.outcome import status
 from mp2a.formation.robot_models import HUSKY
-from mp2a.robots import drive_setup, robots_file, sound
+from mp2a.robots import drive_setup, dry, robots_file, sound
+from mp2a.robots.adapters import AdapterResult
 from mp2a.robots.clock import VirtualClock
 from mp2a.robots.driver import Driver, run
 from mp2a.robots.dry import DryRobot
 from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.robots.planner import ChoreographyPlanner, origin_of
 from mp2a.robots.robot_config import ROBOT_CONFIGS
+from mp2a.robots.sender import Sender
 from mp2a.robots.simulated import SimulationClock
 from mp2a.simulator import NO_SLIP, PHYSICS_ENGINE_SLIP, Simulation, World
 
@@ -88,18 +92,18 @@ def test_learning_slip_brings_slipping_robots_closer_to_their_path(monkeypatch):
     def error():
         drivers, clock = simulated(TWO, slip=PHYSICS_ENGINE_SLIP)
         good, steps = steps_of(drivers, clock)
-        assert good
         worst = 0.0
         for driven in steps.values():
             track = np.array([step.pose[:2] for step in driven])
             leader = np.array([step.leader for step in driven])
             line = np.concatenate((np.linspace(track[0], leader[0], 50), leader))
             worst = max(worst, np.min(np.hypot(*(track[:, None] - line).transpose(2, 0, 1)), axis=1).max())
-        return worst
+        return good, worst
 
-    learning = error()
+    arrived, learning = error()
     monkeypatch.setattr("mp2a.robots.slip.learn", lambda slip, *_: slip)
-    assert learning < error()
+    assert arrived
+    assert learning < error()[1]
 
 
 class Failing(DryRobot):
@@ -267,6 +271,91 @@ def test_the_example_drives_in_the_simulator():
     robots = str(SCENARIOS.parent / "robots.toml")
     options = ["--robots", robots, "--adapter", "simulator", "--quiet"]
     assert main(["drive", str(SCENARIOS / "listing_7_1.txt"), *options]) == 0
+
+
+WALL = "[[wall]]\npoints = [[3, -5], [3, 5]]\n"
+
+
+def behind_a_wall(tmp_path):
+    """Options of a drive of one robot to a place behind a wall."""
+    (tmp_path / "ahead.txt").write_text("robots R1\nrow R1 0 0\nmove 6 0")
+    (tmp_path / "wall.toml").write_text(WALL)
+    (tmp_path / "robots.toml").write_text('adapter = "simulator"\nworld = "wall.toml"\n[robots.R1]\nmodel = "husky"\n')
+    return ["drive", str(tmp_path / "ahead.txt"), "--robots", str(tmp_path / "robots.toml")]
+
+
+def test_a_robot_that_is_blocked_short_of_its_place_has_not_arrived(tmp_path, capsys):
+    assert main([*behind_a_wall(tmp_path), "--record", str(tmp_path / "r"), "--bag", "none"]) == 3
+    printed = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(
+        r"R1 did not arrive, [34]\.\d\d m from its place: blocked by something in front of it", printed[-1]
+    )
+    last = [line for line in printed if "angular.z" in line][-1]
+    assert "linear.x  0.000 m/s  angular.z  0.000 rad/s" in last
+    with (tmp_path / "r" / "R1.csv").open() as file:
+        row = list(csv.DictReader(file))[-1]
+    assert (row["linear_x"], row["angular_z"]) == ("0", "0")
+    assert float(row["time"]) < 30, "it gives up some seconds after its leader has come to the end"
+
+
+def test_under_mpirun_all_ranks_tell_one_outcome(tmp_path):
+    scenario = tmp_path / "row.txt"
+    scenario.write_text("robots R1 R2\nrow R1,R2 0 4\nmove 6 0")
+    (tmp_path / "wall.toml").write_text("[[wall]]\npoints = [[3, 1], [3, 5]]\n")
+    robots = tmp_path / "robots.toml"
+    robots.write_text(
+        'adapter = "simulator"\nworld = "wall.toml"\n[robots.R1]\nmodel = "husky"\n[robots.R2]\nmodel = "husky"\n'
+    )
+    program = [sys.executable, "-m", "mp2a", "drive", str(scenario), "--robots", str(robots), "--quiet"]
+    done = launch.run(2, program, timeout=120, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    assert done.returncode == 3
+    assert done.stdout.count("R1 did not arrive, ") == done.stdout.count("2 robots, ") == 1
+    assert "R2 did not" not in done.stdout
+
+
+def test_a_drive_that_takes_too_long_or_loses_its_pose_says_so(monkeypatch, capsys):
+    path = str(SCENARIOS / "listing_7_1.txt")
+    assert main(["drive", path, "--longest", "3", "--quiet"]) == 3
+    assert "m from its place: time was up" in capsys.readouterr().out
+    monkeypatch.setattr(DryRobot, "sense", lambda self: Sensed(NO_POSE, np.zeros(2), None))
+    assert main(["drive", path, "--quiet"]) == 3
+    assert "R1 did not arrive: in its error state, its pose was lost" in capsys.readouterr().out
+
+
+def test_a_planner_that_stalls_is_told_in_a_line(tmp_path, monkeypatch, capsys):
+    """The watchdog has stopped the robot; the command says so, how far the robot came, and ends with 2."""
+    interface = ROBOT_CONFIGS["husky"]
+
+    class Watched(DryRobot):
+        def __init__(self, pose):
+            super().__init__(HUSKY, pose)
+            self.sender = Sender(interface, "file", file=str(tmp_path / "sent"))
+
+        def send(self, command):
+            super().send(command)
+            self.sender.send(*command)
+            if self._time > 1:
+                time.sleep(3 * interface.patience)
+
+        def close(self):
+            self.sender.close()
+
+    def make(config):
+        robots = [Watched(config.places[0])]
+        return AdapterResult(robots, VirtualClock(config.period, robots))
+
+    monkeypatch.setattr(dry, "make", make)
+    scenario = tmp_path / "ahead.txt"
+    scenario.write_text("robots R1\nrow R1 0 0\nmove 6 0")
+    assert main(["drive", str(scenario), "--quiet"]) == 2
+    said = capsys.readouterr()
+    assert re.search(
+        r"R1 did not arrive, \d\.\d\d m from its place: in its error state, the watchdog takes no", said.out
+    )
+    assert said.err.strip().endswith(
+        "the watchdog takes no more commands (it has got no command for too long); the robot stands"
+    )
+    assert "Traceback" not in said.err
 
 
 def test_a_scenario_that_is_not_there(capsys):

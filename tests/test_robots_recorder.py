@@ -19,7 +19,7 @@ from mp2a import launch
 from mp2a.cli import drive, main
 from mp2a.exceptions import DependencyError, InputError, OutputError
 from mp2a.robots import drive_setup
-from mp2a.robots.adapters import ADAPTERS, REAL, AdapterResult
+from mp2a.robots.adapters import ADAPTERS, REAL, Adapter, AdapterResult
 from mp2a.robots.dry import DryRobot
 from mp2a.robots.interface import Sensed
 from mp2a.robots.records.bag_writer import BAGS
@@ -139,7 +139,7 @@ def test_what_the_disk_says_is_told(tmp_path):
     recorder = DriveRecorder(orders(tmp_path), wait=True)
     (tmp_path / "R1.csv").mkdir()  # somebody was quicker
     recorder.add("R1", SECOND, step(0))
-    assert "R1.csv" in recorder.close()
+    assert recorder.close() == f"{tmp_path / 'R1.csv'}: cannot be written (File exists)"
 
 
 @pytest.mark.parametrize("bag", BAGS)
@@ -148,7 +148,8 @@ def test_a_disk_that_is_full_stops_nobody_and_is_told(bag, tmp_path):
     resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (4096, 4096))
     for k in range(100):
         recorder.add("R1", (k + 1) * SECOND, step(k, 20_000))
-    assert "Error" in recorder.close()
+    why = "disk I/O error" if bag == "ros2" else "File too large"
+    assert recorder.close() == f"{tmp_path}: cannot be written ({why})"
 
 
 def test_a_record_that_is_lost_ends_the_command_with_2_but_drives(tmp_path, monkeypatch, capsys):
@@ -162,7 +163,7 @@ def test_a_record_that_is_lost_ends_the_command_with_2_but_drives(tmp_path, monk
     monkeypatch.setattr(DriveRecorder, "add", kill_then_add)
     assert main(["drive", SCENARIO, "--record", str(tmp_path / "r")]) == 2
     said = capsys.readouterr()
-    assert said.out.count("would be sent  done") == 2
+    assert said.out.count("would be sent  done") == 4
     assert "--record: the process that writes ended with status -9" in said.err
 
 
@@ -181,6 +182,26 @@ def test_records_are_not_overwritten(tmp_path):
     assert DriveRecorder(orders(tmp_path / "ros1", roles=["R2"]), wait=True).close() == ""
 
 
+def test_links_are_not_written_through_nor_replaced(tmp_path):
+    (tmp_path / "R1.csv").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match=r"R1\.csv is there already"):
+        DriveRecorder(orders(tmp_path), wait=True)
+    assert not (tmp_path / "elsewhere").exists()
+
+
+@pytest.mark.parametrize("what", ["/dev/null", "run.npz"])
+def test_what_is_no_folder_is_named_and_stays(what, tmp_path, capsys):
+    path = tmp_path / what  # the device itself, if it is one
+    if not path.exists():
+        np.savez(path, a=1)
+    before = path.stat()
+    assert main(["drive", SCENARIO, "--quiet", "--record", str(path)]) == 2
+    assert f"--record: {path} cannot be made a folder (File exists)" in capsys.readouterr().err
+    assert path.stat() == before
+    assert main(["drive", SCENARIO, "--quiet", "--recording", str(path)]) == 2
+    assert f"recording: {path} cannot be read as a bag of ROS 1 or ROS 2 (" in capsys.readouterr().err
+
+
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match=r"--record: .*file/x cannot be made a folder"):
@@ -192,7 +213,7 @@ def test_without_rosbags_the_error_says_how_to_get_it(tmp_path, monkeypatch):
     (tmp_path / "rosbags" / "__init__.py").write_text("raise ImportError('no rosbags')")
     path = os.environ.get("PYTHONPATH")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *([path] if path else [])]))
-    with pytest.raises(DependencyError, match=r"pip install 'mp2a\[record\]', or --bag none"):
+    with pytest.raises(DependencyError, match=r"without one: --bag none.*pip install 'mp2a\[record\]'"):
         DriveRecorder(orders(tmp_path / "out"), wait=True)
     assert DriveRecorder(orders(tmp_path / "out", "none"), wait=True).close() == ""
 

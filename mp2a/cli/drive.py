@@ -124,7 +124,7 @@ def _drive_as(options: argparse.Namespace, comm: "MPI.Comm | None") -> int:
         try:
             run(setup.drivers, setup.clock, options.longest, tell)
         except WatchdogGoneError as error:
-            show(outcomes(f"{error}"), printer.title())
+            show(outcomes(f"{error}"), printer.title(len(roles)))
             raise
     finally:
         if recorder is not None:
@@ -132,7 +132,7 @@ def _drive_as(options: argparse.Namespace, comm: "MPI.Comm | None") -> int:
     everyone = outcomes() if comm is None else _gather(comm, outcomes())
     failed = status(everyone)
     if comm is None or comm.rank == 0:
-        show(everyone, printer.title())
+        show(everyone, printer.title(len(everyone)))
     for line in setup.report(not failed):
         print(line, flush=True)
     if lost:  # no exception: under mpirun it would end robots that still drive
@@ -197,9 +197,9 @@ class _Printer:
         self._flags: dict[str, tuple[bool, ...]] = {}
         self._time = 0.0
 
-    def title(self) -> str:
-        """Return the headline of the summary."""
-        return f"{len(self._topics)} robots, {self._time:.1f} s, adapter {self._adapter}"
+    def title(self, robots: int) -> str:
+        """Return the headline of the summary of so many robots."""
+        return f"{robots} robot{'s' * (robots != 1)}, {self._time:.1f} s, adapter {self._adapter}"
 
     def tell(self, role: str, tick: Any) -> None:
         """Print a tick of a robot, if there is something to say."""

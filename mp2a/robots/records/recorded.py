@@ -208,13 +208,14 @@ class RecordedRobot:
         self.state.put(message.field, self._clock(), content)
 
     def _make(self) -> Sensed:
-        message, self._cloud = self._cloud, None
-        if message is not None:
-            self.state.put("points_topic", message.stamp / _SECOND, self._bag.decode(message))
+        cloud, self._cloud = self._cloud, None
+        if cloud is not None:
+            self.state.put("points_topic", cloud.stamp / _SECOND, self._bag.decode(cloud))
         try:
             sensed = self.state.sensed()
         except InputError as error:
-            raise InputError(f"recording: {self.path}: points until {self._now} ns: {error}") from None
+            stamp = cloud.stamp if cloud else self._now
+            raise InputError(f"recording: {self.path}: points at {stamp} ns: {error}") from None
         if sensed.points is not None:
             self._seen = sensed.points
         return sensed._replace(human=self._human or sensed.human)

@@ -81,7 +81,10 @@ class DriveRecorder:
         self._process.stdout.close()  # type: ignore[union-attr]
         if not self._process.returncode:
             return ""
-        return said or f"the process that writes ended with status {self._process.returncode}"
+        kind, _, why = said.partition(": ")
+        return (
+            why if kind in _ERRORS else said
+        ) or f"the process that writes ended with status {self._process.returncode}"
 
     def _put(self, what: object) -> None:
         if not self._gone:

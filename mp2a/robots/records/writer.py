@@ -123,5 +123,12 @@ def main() -> int:
     return 0
 
 
+def _reason(config: RecordConfig, error: Exception) -> str:
+    if isinstance(error, OutputError):
+        return str(error)
+    where = getattr(error, "filename", None) or config.folder
+    return f"{where}: cannot be written ({getattr(error, 'strerror', None) or error})"
+
+
 if __name__ == "__main__":
     sys.exit(main())
