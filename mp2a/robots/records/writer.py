@@ -10,6 +10,7 @@ import csv
 import os
 import pickle
 import signal
+import sqlite3
 import sys
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -111,11 +112,8 @@ def main() -> int:
         sys.stdout.write(READY)
         sys.stdout.flush()
         write(config, source)
-    except OSError as error:  # a full disk, for instance
-        text = (
-            str(error) if isinstance(error, OutputError) else f"{config.folder}: cannot be written ({error.strerror})"
-        )
-        sys.stdout.write(f"OutputError: {text}\n")
+    except (OSError, sqlite3.Error) as error:  # a full disk, for instance
+        sys.stdout.write(f"OutputError: {_reason(config, error)}\n")
         return 1
     except Exception as error:  # whatever it is, the planner is told in a line, and drives on
         sys.stdout.write(f"{type(error).__name__}: {error}\n")
