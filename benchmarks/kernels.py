@@ -12,7 +12,7 @@ import numpy as np
 
 from mp2a import kernels
 
-COLUMNS = {"compose": (24, 24), "move": (28, 24), "force": (28, 6, 6), "carry": (24, 6)}
+COLUMNS = {"compose": (24, 24), "transform": (28, 24), "force": (28, 6, 6), "transform_force": (24, 6)}
 SAMPLES = (1, 8, 100, 2000)
 ROUNDS = 15
 ROUND_TIME = 5e-3

@@ -24,8 +24,8 @@ from measure import Table, describe, machine, numbers, save, show, take_turns
 from rich.console import Console
 
 from mp2a import Model, kernels
-from mp2a.kernels.plan import FORMATS, make_plan
 from mp2a.kernels.symbols import LANES
+from mp2a.kernels.tables import NUMBER_FORMATS, make_tables
 from mp2a.plot.style import FAINT, INK, Look, canvas, curve, handle, legends, robots_axis, styled, target
 from mp2a.plot.style import save as save_figure
 
@@ -81,7 +81,7 @@ def run(n: int, samples: int, repeats: int) -> dict[str, Any]:
     model = Model.random(n)
     state = model.random_state(samples)
     size = min(n * samples, _LARGEST_STREAM)
-    scratch = make_plan(model, FORMATS[np.dtype(np.float64)], bodies=False).scratch
+    scratch = make_tables(model, NUMBER_FORMATS[np.dtype(np.float64)], bodies=False).scratch
     return {
         "n": n,
         "seconds": take_turns({case: ours(model, state, *_parts(case)) for case in CASES}, repeats),

@@ -12,20 +12,22 @@ if TYPE_CHECKING:
     from mp2a.dynamics import rnea as rnea
     from mp2a.exceptions import DependencyError as DependencyError
     from mp2a.exceptions import InputError as InputError
-    from mp2a.methods.result import InverseDynamics as InverseDynamics
+    from mp2a.exceptions import RankError as RankError
     from mp2a.model import Model as Model
     from mp2a.network import EmulatedNetwork as EmulatedNetwork
     from mp2a.process_grid import ProcessGrid as ProcessGrid
+    from mp2a.results import InverseDynamics as InverseDynamics
 
 __version__ = "0.1.0"
 
 _HOMES = {
     "ProcessGrid": "mp2a.process_grid",
+    "RankError": "mp2a.exceptions",
     "Model": "mp2a.model",
     "DistributedModel": "mp2a.distributed",
     "EmulatedNetwork": "mp2a.network",
     "InputError": "mp2a.exceptions",
-    "InverseDynamics": "mp2a.methods.result",
+    "InverseDynamics": "mp2a.results",
     "DependencyError": "mp2a.exceptions",
     "placements": "mp2a.dynamics",
     "rnea": "mp2a.dynamics",

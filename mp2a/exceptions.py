@@ -11,3 +11,7 @@ class DependencyError(RuntimeError):
 
 class OutputError(OSError):
     """A file cannot be written: the message names it and says why, a full disk for instance."""
+
+
+class RankError(RuntimeError):
+    """Something went wrong on one rank in the middle of what all do together: the message says which rank, and what."""

@@ -5,6 +5,8 @@ A spatial vector is ``[angular; linear]`` as in the paper: velocity :math:`V = [
 (``(..., 3)``) is the body's origin seen from the parent's origin, in the parent's frame.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,20 @@ Array = NDArray[np.float64]
 
 GRAVITY = (0.0, 0.0, -9.81)
 """Standard gravity field in the base frame, m/s², as pinocchio's default."""
+
+
+def quaternion_matrix(x: Any, y: Any, z: Any, w: Any) -> tuple[Any, ...]:
+    """Nine numbers, row by row, of the rotation of a unit quaternion, as Eigen's ``toRotationMatrix``.
+
+    They are sums and products of anything that can be added and multiplied: numbers, arrays of them, or the symbols of
+    `mp2a.kernels`.
+    """
+    tx, ty, tz = x + x, y + y, z + z
+    return (
+        1.0 - (ty * y + tz * z), tx * y - tz * w, tx * z + ty * w,
+        tx * y + tz * w, 1.0 - (tx * x + tz * z), ty * z - tx * w,
+        tx * z - ty * w, ty * z + tx * w, 1.0 - (tx * x + ty * y),
+    )  # fmt: skip
 
 
 def cross(a: Array, b: Array) -> Array:

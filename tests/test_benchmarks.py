@@ -14,7 +14,7 @@ from mp2a import Model, kernels
 
 SCRIPTS = Path(__file__).parents[1] / "benchmarks"
 
-pytestmark = pytest.mark.skipif(not kernels.load().compiled, reason="no compiled kernels here")
+pytestmark = pytest.mark.skipif(not kernels.status().compiled, reason="no compiled kernels here")
 
 
 @pytest.fixture

@@ -61,7 +61,7 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
 
     link = make_link(comm, network)
     relay = Relay(link, model)
-    contenders: dict[str, Callable[..., Array]] = {name: _torque_of(f) for name, f in formations.items()}
+    contenders: dict[str, Callable[..., Array]] = {name: f.rnea for name, f in formations.items()}
     contenders |= {"relay": relay.rnea, "relay, pipelined": Relay(link, model, _PIPELINE).rnea}
     if pinocchio_fits:
         contenders["centre"] = Centre(link, model, reference).rnea
@@ -108,10 +108,6 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
         "modelled": _modelled(n, settings, constants),
         "constants": constants._asdict(),
     }
-
-
-def _torque_of(formation: DistributedModel) -> Callable[..., Array]:
-    return lambda *state: formation.rnea(*state).torque
 
 
 def _reference(model: Model) -> tuple[Reference | None, str | None]:

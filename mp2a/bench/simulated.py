@@ -13,9 +13,12 @@ from mp2a.bench.results import FORMAT, machine, write
 from mp2a.bench.simgrid import NETWORKS, NEUTRAL, Phase, find, follow, gather_and_scatter, simulate
 from mp2a.exceptions import DependencyError, InputError
 from mp2a.methods import METHODS
-from mp2a.schedule import FORCE, MOTION, SCHEDULES
+from mp2a.schedule import FORCE, MOTION, pipeline
 
 CONTENDERS = ("relay", "centre", "kogge-stone", "compact", "sweep")
+SCHEDULES = {name: method.schedule for name, method in METHODS.items()} | {"relay": pipeline}
+"""Who sends what to whom, by the name of the contender; all messages of the centre's go to one robot."""
+
 RELAY_DOUBLES = {MOTION: 12, FORCE: 6}
 CENTRE_DOUBLES = (3, 1)
 """q, q̇ and q̈ of a joint with one degree of freedom on the way in, its torque on the way out."""

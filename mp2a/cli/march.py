@@ -132,7 +132,7 @@ class _Part(NamedTuple):
 
 def _agree(comm: "MPI.Intracomm", options: argparse.Namespace) -> "tuple[Plan, Simulation | None]":
     """Plan on rank 0 and tell all; the path is the leader's alone."""
-    from mp2a.transport.mpi import raise_together
+    from mp2a.transport.agreement import raise_together
 
     plan: Any = None
     simulation: Any = None

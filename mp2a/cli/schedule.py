@@ -21,7 +21,7 @@ def add(commands: Any) -> None:
 
 
 def _schedule(options: argparse.Namespace) -> None:
-    from mp2a.schedule import SCHEDULES
+    from mp2a.bench.simulated import SCHEDULES
 
     if options.method not in SCHEDULES:
         raise InputError(f"--method: got {options.method!r}, expected one of {', '.join(SCHEDULES)}")

@@ -8,11 +8,11 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.dynamics import placements, rnea
+from mp2a.dynamics import rnea
 from mp2a.exceptions import InputError
 from mp2a.formation.plane import Motion, coordinates
-from mp2a.methods.result import InverseDynamics
 from mp2a.model import Model
+from mp2a.results import InverseDynamics
 from mp2a.spatial import Array
 
 
@@ -94,9 +94,7 @@ class OneProcess:
         flat = (len(q), -1)
         q = q.reshape(flat)
         done = rnea(self.model, q, v.reshape(flat), a.reshape(flat), forces, method=self.method, bodies=True)
-        if done.rotation is None or done.position is None:
-            return bodies(done, *placements(self.model, q))
-        return bodies(done, done.rotation, done.position)
+        return bodies(done)
 
 
 def scan(exchange: Exchange, joints: Motion, external: Array, wrong: InputError | None) -> Scan:
@@ -118,8 +116,9 @@ def state(joints: Motion, external: Array) -> tuple[Array, Array, Array, Array]:
     return coordinates(joints), joints.velocity, joints.rate, force
 
 
-def bodies(done: InverseDynamics, rotation: Array, position: Array) -> Bodies:
+def bodies(done: InverseDynamics) -> Bodies:
     """Plane motion and forces from spatial vectors ``(T, m, 6)`` and placements ``(T, m, …)``."""
+    rotation, position = done.placement
     velocity, acceleration = done.velocity[..., [3, 4, 2]], done.acceleration[..., [3, 4, 2]]
     # The classical acceleration of the origin less what its velocity turns with the frame.
     across = np.stack((velocity[..., 1], -velocity[..., 0], np.zeros_like(velocity[..., 0])), axis=-1)

@@ -6,7 +6,7 @@ from mp2a.distributed import DistributedModel
 from mp2a.exceptions import InputError
 from mp2a.formation.exchange import Bodies, bodies, state
 from mp2a.formation.plane import Motion
-from mp2a.methods.result import InverseDynamics
+from mp2a.results import InverseDynamics, Placement
 from mp2a.spatial import Array
 
 
@@ -21,20 +21,19 @@ class OverRanks:
 
     def __init__(self, ranks: DistributedModel) -> None:
         self.ranks = ranks
-        self.robots = np.array([ranks.transport.first])
+        self.robots = np.array([ranks.bodies.start])
 
     def send_to_children(self, values: Array) -> Array:
         """Send the values to the ranks of those that hang on this one, and receive from the parent's."""
-        told = self.ranks.send_to_children(values[0])
-        return np.zeros_like(values) if told is None else told[None]
+        return self.ranks.send_to_children(values[0])[None]
 
     def run(self, joints: Motion, external: Array, wrong: InputError | None) -> Bodies:
         """Run this rank's part of the scan."""
-        q, v, a, forces = (x[:, 0] for x in state(joints, external))
-        done = self.ranks.rnea(q, v, a, forces, wrong=wrong)
-        if done.rotation is None or done.position is None:
-            rotation, position = self.ranks.placement(q)
-        else:
-            rotation, position = done.rotation, done.position
-        own = InverseDynamics(*(x[:, None] for x in (done.velocity, done.acceleration, done.force, done.torque)))
-        return bodies(own, rotation[:, None], position[:, None])
+        with self.ranks.together(self.ranks.rnea) as rnea:
+            if wrong is not None:
+                raise wrong
+            q, v, a, forces = (x[:, 0] for x in state(joints, external))
+            result = rnea(q, v, a, forces, bodies=True)
+        velocity, acceleration, force = (x[:, None] for x in (result.velocity, result.acceleration, result.force))
+        placement = Placement(*(x[:, None] for x in result.placement))
+        return bodies(InverseDynamics(velocity, acceleration, force, result.torque, placement))

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mp2a.joints import rotation_of_quaternion
-from mp2a.spatial import Array
+from mp2a.spatial import Array, quaternion_matrix
 
 _NOT_A_ROTATION = 0.01
 """By which the length of a quaternion may differ from 1; as tf2 has it, for its square."""
@@ -78,7 +77,7 @@ class Transforms:
         known = self._links.get(child)
         if known is not None and known.parent == parent and true_at < known.true_at < math.inf:
             return
-        self._links[child] = _Link(parent, rotation_of_quaternion(sides / length), translation, true_at)
+        self._links[child] = _Link(parent, np.reshape(quaternion_matrix(*sides / length), (3, 3)), translation, true_at)
 
     def look_up(self, into: str, frame: str) -> FrameTransform | None:
         """Return a frame as seen from the frame ``into``; None if no chain leads from one to the other."""

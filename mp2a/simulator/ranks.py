@@ -14,7 +14,7 @@ from mp2a.exceptions import InputError
 from mp2a.mpi import MPI
 from mp2a.simulator.observation import Observation
 from mp2a.spatial import Array
-from mp2a.transport.mpi import raise_together
+from mp2a.transport.agreement import raise_together
 from mp2a.transport.wait import wait
 
 _ROW = 11

@@ -107,6 +107,8 @@ def make_link(comm: MPI.Intracomm, network: EmulatedNetwork | None) -> Link:
     """Link over MPI, or over an emulated network of which the latency and bandwidth are given."""
     if network is None:
         return MPILink(comm)
+    if not isinstance(network, EmulatedNetwork):
+        raise InputError(f"network: got {type(network).__name__}, expected an mp2a.EmulatedNetwork or None")
     if not (0 <= network.latency < float("inf") and network.bandwidth > 0):
         raise InputError(f"network: got {tuple(network)}, expected a latency in s and a bandwidth in bit/s")
     return EmulatedLink(comm, network)
