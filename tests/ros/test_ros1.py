@@ -174,9 +174,9 @@ def test_nobody_listens(master):
 
 def test_sound_requests_are_those_of_sound_play(master):
     """The sum by which ROS 1 tells types apart is that of Noetic's sound_play."""
-    from mp2a.robots.ros1.node import sound_request
+    from mp2a.robots.ros1.node import Ros1Node
 
-    kind = sound_request()
+    kind = Ros1Node("test").message("sound_play/msg/SoundRequest")
     assert kind._type == "sound_play/SoundRequest"
     assert kind._md5sum == "d098ce4a040686259137ece23a625167"
     assert sound.sound_numbers("x") == (kind.SAY, kind.PLAY_ONCE)
@@ -186,14 +186,27 @@ def test_sound_requests_are_those_of_sound_play(master):
 def test_robots_without_mpi_start_together_over_sync(master):
     """Three processes, each a robot of its own, agree over the topic /sync alone."""
     program = (
-        "import sys\nfrom mp2a.robots.channel import agree\nfrom mp2a.robots.ros1.robot import Ros1Channel\n"
-        "from mp2a.robots.start import Start\nrole = sys.argv[1]\n"
-        "print(repr(agree_on_start(Start(role, ['R1', 'R2', 'R3'], 2.0), Ros1Channel(role, f'/{role}/all_ready'))))"
+        "import sys\nfrom mp2a.robots.channel import agree_on_start\nfrom mp2a.robots.ros_backend import open_backend\n"
+        "from mp2a.robots.ros_robot import RosChannel\nfrom mp2a.robots.start import Start\n"
+        "role, v_max = sys.argv[1:]\nstart = Start(role, ['R1', 'R2', 'R3'], {'v_max': v_max}, 2.0)\n"
+        "print(repr(agree_on_start(start, RosChannel(open_backend('ros1', role), f'/{role}/all_ready'))))"
     )
-    robots = []
-    for role in ("R1", "R2", "R3"):
-        robots.append(subprocess.Popen([sys.executable, "-c", program, role], stdout=subprocess.PIPE, text=True))
-        time.sleep(0.4)
-    agreed = {robot.communicate(timeout=60)[0] for robot in robots}
+
+    def start_all(*speeds):
+        robots = []
+        for role, speed in zip(("R1", "R2", "R3"), speeds, strict=True):
+            robots.append(
+                subprocess.Popen(
+                    [sys.executable, "-c", program, role, speed], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                    text=True,
+                )
+            )  # fmt: skip
+            time.sleep(0.4)
+        return [robot.communicate(timeout=90) for robot in robots]
+
+    agreed = {said for said, _ in start_all("0.7", "0.7", "0.7")}
     assert len(agreed) == 1
     assert float(agreed.pop()) == pytest.approx(time.time(), abs=2.0)
+    for said, error in start_all("0.7", "0.7", "0.5"):  # two of them refuse the third, and it refuses them
+        assert not said
+        assert "were not given the same, expected no difference: v_max: " in error or "waited 60 s" in error
