@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from mp2a import __version__
 from mp2a.bench.settings import ERROR
 from mp2a.cli import bench, check, cost, drive, march, plot, schedule, trace
-from mp2a.exceptions import DependencyError, InputError
+from mp2a.exceptions import DependencyError, InputError, OutputError
 from mp2a.mpi_environment import rank_info
 
 _SUBCOMMANDS = (bench, check, plot, cost, schedule, trace, march, drive)
@@ -19,7 +19,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         return options.run(options) or 0
-    except (InputError, DependencyError) as error:
+    except (InputError, DependencyError, OutputError) as error:
         return _fail(str(error))
     except KeyboardInterrupt:
         print("interrupted; what was measured is kept", file=sys.stderr)
