@@ -21,7 +21,7 @@ from mp2a.network import EmulatedNetwork
 from mp2a.schedule import Formation
 from mp2a.spatial import Array
 from mp2a.transport.agreement import raise_together
-from mp2a.transport.link import EmulatedLink, Link, make_link, measure
+from mp2a.transport.link import EmulatedLink, Link, make_link, measure_latency
 from mp2a.transport.wait import wait
 from mp2a.validation import check_gravity
 
@@ -116,7 +116,7 @@ def choose_method(link: Link, nodes: Formation, samples: int) -> Choice:
     if isinstance(link, EmulatedLink):
         latency, bandwidth = link.network
     else:
-        small, large = (measure(link, doubles, _ROUNDS) or [0.0] for doubles in (_SMALL, _LARGE))
+        small, large = (measure_latency(link, doubles, _ROUNDS) or [0.0] for doubles in (_SMALL, _LARGE))
         latency, slow = statistics.median(small), statistics.median(large)
         bandwidth = 64 * (_LARGE - _SMALL) / max(slow - latency, 1e-9)
     cost = np.array([latency, bandwidth])

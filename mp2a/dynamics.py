@@ -1,4 +1,4 @@
-"""What users call: inverse dynamics of a chain in one process."""
+"""What users call in one process: inverse dynamics and placements of a chain or tree."""
 
 from functools import partial
 from typing import TYPE_CHECKING, Literal, overload
@@ -12,7 +12,7 @@ from mp2a.exceptions import InputError
 from mp2a.joint_kinematics import BaseMotion, joint_torque
 from mp2a.kernels.tables import NUMBER_FORMATS
 from mp2a.methods import METHODS
-from mp2a.methods.local import solve
+from mp2a.methods.local import solve_locally
 from mp2a.model import Model
 from mp2a.results import InverseDynamics, Placement
 from mp2a.spatial import Array
@@ -66,14 +66,14 @@ def rnea(
     dtype: DTypeLike = np.float64,
     out: Array | InverseDynamics | None = None,
 ) -> Array | InverseDynamics:
-    """Inverse dynamics of a chain in this process: the joint torques that give these accelerations.
+    """Compute the joint torques that give these accelerations: inverse dynamics in this process.
 
     Parameters
     ----------
     model
         n bodies. A `pinocchio.Model` is converted; the conversion is kept while that model lives and stays the same.
     q
-        Coordinates as pinocchio's, ``(nq,)`` or ``(T, nq)`` for T samples; rad and m. Arrays whose samples lie
+        The coordinates, as pinocchio's, ``(nq,)`` or ``(T, nq)`` for T samples; rad and m. Arrays whose samples lie
         together, such as ``x.T`` of an ``(nq, T)`` one, are taken as they are, as those are whose columns do.
     v, a
         Joint velocities and accelerations, ``(nv,)`` or ``(T, nv)``; rad/s, m/s and rad/s², m/s².
@@ -88,12 +88,12 @@ def rnea(
     bodies
         Return motion and force of every body as well.
     threads
-        How many threads share the samples of method "serial"; None: as many as are worth it, and no more than this
-        process has cores for itself when other ranks run on the machine.
+        The number of threads that share the samples of method "serial"; None: as many as are worth it, and no more
+        than this process has cores for itself when other ranks run on the machine.
     dtype
-        Number format of the result and, with method "serial", of the arithmetic: float64 or float32.
+        The number format of the result and, with method "serial", of the arithmetic: float64 or float32.
     out
-        Array for the torques, of their shape and format; with ``bodies`` what an earlier call with as many samples
+        An array for the torques, of their shape and format; with ``bodies`` what an earlier call with as many samples
         returned, all of which is filled again. It is returned. A loop then needs no new memory, which for many bodies
         takes longer to get than to fill. It may overlap the input.
 
@@ -111,8 +111,8 @@ def rnea(
     Examples
     --------
     >>> import mp2a
-    >>> chain = mp2a.Model.uniform(3, axis=(0, 1, 0))
-    >>> mp2a.rnea(chain, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]).round(3).tolist()
+    >>> model = mp2a.Model.uniform(3, axis=(0, 1, 0))
+    >>> mp2a.rnea(model, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]).round(3).tolist()
     [-44.145, -19.62, -4.905]
     """
     if method != "serial":
@@ -149,7 +149,7 @@ def _by_messages(
     targets: tuple[Array | None, Array | None], *, bodies: bool,
 ) -> tuple[Array, Array | None]:  # fmt: skip
     """Torques ``(T, nv)``, and motion and force ``(T, n, 18)``, of robots that exchange messages in this process."""
-    scan, _ = solve(METHODS[method], model, state, gravity)
+    scan, _ = solve_locally(METHODS[method], model, state, gravity)
     torques = joint_torque(model, scan.force)
     torque, table = targets
     if torque is None:
@@ -166,7 +166,7 @@ def _by_messages(
 
 
 def placements(model: "Model | pinocchio.Model", q: ArrayLike) -> Placement:
-    """Where the bodies of a chain or tree are.
+    """Tell where the bodies of a chain or tree are.
 
     Parameters
     ----------

@@ -34,11 +34,11 @@ class Joint:
     Attributes
     ----------
     name
-        As in the table above.
+        The name in the table above.
     neutral
-        Coordinates of zero displacement; its length is ``nq``.
+        The coordinates of zero displacement; its length is ``nq``.
     nv
-        Degrees of freedom.
+        The number of degrees of freedom.
     transform
         ``(axis (k, 3), q (k, T, nq))`` to the rotation ``(k, T, 3, 3)`` and translation ``(k, T, 3)`` of the joint.
     subspace
@@ -59,19 +59,19 @@ class Joint:
 
     @property
     def nq(self) -> int:
-        """Number of coordinates."""
+        """The number of coordinates."""
         return len(self.neutral)
 
 
 def _rotation(axis: Array, cosine: Array, sine: Array) -> Array:
-    """Rotation about ``axis`` (k, 3) by angles given as ``(k, T)`` cosines and sines (Rodrigues)."""
+    """Return rotations about ``axis`` (k, 3) by angles given as ``(k, T)`` cosines and sines (Rodrigues)."""
     outer = axis[:, None, :, None] * axis[:, None, None, :]
     c, s = cosine[..., None, None], sine[..., None, None]
     return c * np.eye(3) + s * skew(axis)[:, None] + (1.0 - c) * outer
 
 
 def _quaternion(q: Array) -> Array:
-    """Rotations ``(..., 3, 3)`` of quaternions ``(..., 4)`` in the order x, y, z, w."""
+    """Return rotations ``(..., 3, 3)`` of quaternions ``(..., 4)`` in the order x, y, z, w."""
     return np.stack(quaternion_matrix(*np.moveaxis(q, -1, 0)), axis=-1).reshape(*q.shape[:-1], 3, 3)
 
 
@@ -112,7 +112,7 @@ def _linear_axis(axis: Array) -> Array:
 
 
 def _columns(*rows: int) -> Callable[[Array], Array]:
-    """Subspace that selects spatial components: column j is the unit vector of component ``rows[j]``."""
+    """Make a subspace that selects spatial components: column j is the unit vector of component ``rows[j]``."""
     matrix = np.eye(6)[:, list(rows)]
     return lambda axis: np.broadcast_to(matrix, (len(axis), *matrix.shape))
 

@@ -137,12 +137,12 @@ class Model:
 
     @property
     def nq(self) -> int:
-        """Number of coordinates."""
+        """The number of coordinates."""
         return int(self.q_starts[-1])
 
     @property
     def nv(self) -> int:
-        """Degrees of freedom."""
+        """The number of degrees of freedom."""
         return int(self.v_starts[-1])
 
     @cached_property
@@ -157,23 +157,23 @@ class Model:
 
     @cached_property
     def origin_inertias(self) -> Array:
-        """Rotational inertias about the bodies' origins, ``(n, 3, 3)``, kg m²."""
+        """The rotational inertias about the bodies' origins, ``(n, 3, 3)``, kg m²."""
         return read_only(inertia_at_origin(self.masses, self.coms, self.inertias))
 
     @cached_property
     def neutral(self) -> Array:
-        """Coordinates of zero displacement, ``(nq,)``."""
+        """The coordinates of zero displacement, ``(nq,)``."""
         return read_only(np.concatenate([JOINTS[joint].neutral for joint in self.joints]))
 
     def random_state(
         self, samples: int | None = None, seed: int = 0, body: int | None = None
     ) -> tuple[Array, Array, Array]:
-        """Random ``q``, ``v``, ``a``; velocities shrink as 1/√n, so that a long chain's tip stays within reason.
+        """Draw ``q``, ``v``, ``a``; velocities shrink as 1/√n, so that a long chain's tip stays within reason.
 
         Parameters
         ----------
         samples
-            Number of samples T; None for one without a sample axis.
+            The number of samples T; None for one without a sample axis.
         seed
             The same seed gives the same state, body for body.
         body
@@ -190,13 +190,13 @@ class Model:
         return (q, v, a) if samples is not None else (q[0], v[0], a[0])
 
     def body(self, i: int) -> "Model":
-        """Body i alone, as a chain of one: all that robot i has to know."""
+        """Return body i alone, as a chain of one: all that robot i has to know."""
         if not 0 <= i < len(self):
             raise InputError(f"i: got {i}, expected a body from 0 to {len(self) - 1}")
         return self._part(slice(i, i + 1))
 
     def block(self, bodies: range) -> "Model":
-        """Consecutive bodies of which each hangs on the one before, as a chain of their own.
+        """Return consecutive bodies, of which each hangs on the one before, as a chain of their own.
 
         Raises
         ------
@@ -218,7 +218,7 @@ class Model:
         )  # fmt: skip
 
     def digest(self) -> str:
-        """Fingerprint of all fields: equal for equal models, on every machine."""
+        """Return a fingerprint of all fields: equal for equal models, on every machine."""
         sha = hashlib.sha256()
         for value in self._arrays().values():
             sha.update(f"{value.dtype.str}{value.shape}".encode() + value.tobytes())
@@ -274,18 +274,18 @@ class Model:
         mass: float = 1.0,
         inertia: ArrayLike | None = None,
     ) -> "Model":
-        """N equal bodies, each ``offset`` (m) from the last, with the centre of mass half way along.
+        """Make n equal bodies, each ``offset`` (m) from the last, with the centre of mass half way along.
 
         Parameters
         ----------
         n
-            Number of bodies.
+            The number of bodies.
         joint, axis
-            Type and axis of every joint.
+            The type and axis of every joint.
         offset
-            Place of body i + 1 in body i, ``(3,)``.
+            The position of body i + 1 in body i, ``(3,)`` m.
         mass
-            Of each body, kg.
+            The mass of each body, kg.
         inertia
             ``(3, 3)`` kg m² about the centre of mass; None: a slender rod along ``offset``, thickened a little.
         """
@@ -295,16 +295,16 @@ class Model:
 
     @classmethod
     def random(cls, n: int, seed: int = 0, joints: Sequence[str] = ("revolute",), branching: int = 1) -> "Model":
-        """N different bodies at random placements, with joint types drawn from ``joints``.
+        """Make n different bodies at random placements, with joint types drawn from ``joints``.
 
         Parameters
         ----------
         n
-            Number of bodies.
+            The number of bodies.
         seed
             The same seed gives the same model.
         joints
-            Types to draw from; ``tuple(JOINTS)`` for all.
+            The types to draw from; ``tuple(mp2a.JOINTS)`` for all.
         branching
             A body hangs on one of the ``branching`` bodies before it: 1 gives a chain, more a tree.
         """
@@ -323,7 +323,7 @@ class Model:
         coms: ArrayLike | None = None,
         inertias: ArrayLike | None = None,
     ) -> "Model":
-        """Model of Denavit-Hartenberg rows ``(a, alpha, d, theta)`` in m and rad, one a body.
+        """Make the model of Denavit-Hartenberg rows ``(a, alpha, d, theta)`` in m and rad, one a body.
 
         Parameters
         ----------
@@ -364,7 +364,7 @@ class Model:
 
     @classmethod
     def from_pinocchio(cls, model: "pinocchio.Model") -> "Model":
-        """Model of a `pinocchio.Model`, with its joint order, coordinates and gravity.
+        """Convert a `pinocchio.Model`, with its joint order, coordinates and gravity.
 
         Raises
         ------
@@ -376,7 +376,7 @@ class Model:
         return cls(**from_model(model))
 
     def to_pinocchio(self) -> "pinocchio.Model":
-        """`pinocchio.Model` of this model, with the same joint order, coordinates, frames and gravity."""
+        """Make a `pinocchio.Model` of this one, with the same joint order, coordinates, frames and gravity."""
         from mp2a.readers.pinocchio_model import to_model
 
         return to_model(self._arrays())

@@ -15,14 +15,19 @@ _TENSORS = 4
 
 
 class Reference:
-    """A chain in pinocchio, its memory checked before it is taken. Build it in one rank only.
+    """A model in pinocchio, its memory checked before it is taken. Build it in one rank only.
+
+    Parameters
+    ----------
+    model
+        n bodies.
 
     Attributes
     ----------
     model
-        The chain.
-    model, data
-        pinocchio's, in its own conventions.
+        The model.
+    pin_model, data
+        pinocchio's model and its memory, in its own conventions.
 
     Raises
     ------
@@ -46,7 +51,7 @@ class Reference:
         self.data: pinocchio.Data = pinocchio.Data(self.pin_model)
 
     def torque(self, q: Array, v: Array, a: Array) -> Array:
-        """Torques ``(T, nv)`` alone, unchecked, as fast as pinocchio's Python loop goes; q, v, a are ``(T, …)``."""
+        """Return torques ``(T, nv)`` alone for unchecked ``(T, …)``, as fast as pinocchio's Python loop goes."""
         import pinocchio
 
         rnea, pin_model, data = pinocchio.rnea, self.pin_model, self.data
@@ -60,7 +65,7 @@ class Reference:
         external_forces: ArrayLike | None = None,
         gravity: ArrayLike | None = None,
     ) -> InverseDynamics:
-        """As `mp2a.rnea` with ``bodies=True``, by pinocchio, a sample at a time."""
+        """Do what `mp2a.rnea` does with ``bodies=True``, by pinocchio, a sample at a time."""
         import pinocchio
 
         state = check_state(self.model, q, v, a, external_forces)
@@ -93,5 +98,5 @@ class Reference:
 
 
 def data_bytes(nv: int) -> int:
-    """Memory that `pinocchio.Data` takes for nv degrees of freedom, in bytes, to some per cent."""
+    """Return the memory that `pinocchio.Data` takes for nv degrees of freedom, in bytes, to some per cent."""
     return 8 * _TENSORS * nv**3

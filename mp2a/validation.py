@@ -33,7 +33,7 @@ class JointState(NamedTuple):
 
     @property
     def samples(self) -> int:
-        """Number of samples T."""
+        """The number of samples T."""
         return len(self.q)
 
 
@@ -59,13 +59,13 @@ def check_shapes(model: Model, q: ArrayLike, v: ArrayLike, a: ArrayLike, externa
         Naming the argument, what was given and what was expected.
     """
     arrays = {"q": numbers("q", q), "v": numbers("v", v), "a": numbers("a", a)}
-    for (name, given), width in zip(arrays.items(), (model.nq, model.nv, model.nv), strict=True):
-        if given.ndim not in (1, 2) or given.shape[-1] != width:
-            raise InputError(f"{name}: got shape {given.shape}, expected ({width},) or (T, {width})")
+    for (name, values), width in zip(arrays.items(), (model.nq, model.nv, model.nv), strict=True):
+        if values.ndim not in (1, 2) or values.shape[-1] != width:
+            raise InputError(f"{name}: got shape {values.shape}, expected ({width},) or (T, {width})")
     if not arrays["q"].shape[:-1] == arrays["v"].shape[:-1] == arrays["a"].shape[:-1]:
         shapes = {name: array.shape[:-1] for name, array in arrays.items()}
-        told = ", ".join(f"{name} has {shape[0] if shape else 'no'} samples" for name, shape in shapes.items())
-        raise InputError(f"q, v, a: got different numbers of samples ({told}), expected the same for all")
+        counts = ", ".join(f"{name} has {shape[0] if shape else 'no'} samples" for name, shape in shapes.items())
+        raise InputError(f"q, v, a: got different numbers of samples ({counts}), expected the same for all")
     single = arrays["q"].ndim == 1
     samples = 1 if single else len(arrays["q"])
     if samples == 0:

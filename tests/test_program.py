@@ -10,10 +10,10 @@ from mp2a import Model
 from mp2a.joint_kinematics import joint_torque
 from mp2a.methods import METHODS
 from mp2a.methods.block import Block, even_counts
-from mp2a.methods.local import solve
+from mp2a.methods.local import solve_locally
 from mp2a.program.memory import Frame, lay_out
 from mp2a.program.operations import NOTHING, Operation, add, compose, product, push
-from mp2a.program.recorder import Communicate, Compute, Recorder, Reference
+from mp2a.program.recorder import Communication, Computation, MethodRecorder, ValueNumber
 from mp2a.program.replay import compute
 from mp2a.schedule import Round, Schedule, Transfer, shifted
 from mp2a.validation import check_state
@@ -27,13 +27,13 @@ def exchange_all(frames, k):
     """Do the k-th exchange of all ranks; each takes its messages out of the senders' memory."""
     sent = {}
     for rank, frame in enumerate(frames):
-        exchange = [x for x in frame.layout.program.instructions if isinstance(x, Communicate)][k]
+        exchange = [x for x in frame.layout.program.instructions if isinstance(x, Communication)][k]
         for message in exchange.sends:
             key = rank, message.partner, message.kind
             assert key not in sent
             sent[key] = frame.message(message).copy()
     for rank, frame in enumerate(frames):
-        exchange = [x for x in frame.layout.program.instructions if isinstance(x, Communicate)][k]
+        exchange = [x for x in frame.layout.program.instructions if isinstance(x, Communication)][k]
         for message in exchange.receives:
             frame.message(message)[:] = sent.pop((message.partner, rank, message.kind))
     assert not sent
@@ -42,11 +42,11 @@ def exchange_all(frames, k):
 def run_all(frames):
     """Go through the programs of all ranks together, from exchange to exchange."""
     places = [0] * len(frames)
-    exchanges = sum(isinstance(x, Communicate) for x in frames[0].layout.program.instructions)
+    exchanges = sum(isinstance(x, Communication) for x in frames[0].layout.program.instructions)
     for k in range(exchanges + 1):
         for rank, frame in enumerate(frames):
             instructions = frame.layout.program.instructions
-            while places[rank] < len(instructions) and isinstance(instructions[places[rank]], Compute):
+            while places[rank] < len(instructions) and isinstance(instructions[places[rank]], Computation):
                 compute(frame, instructions[places[rank]])
                 places[rank] += 1
             places[rank] += 1
@@ -64,7 +64,7 @@ def test_all_ranks_programs_together_are_the_method(name, n, samples, branching,
     forces, gravity = random_load(model, samples)
     q, v, a = model.random_state(samples)
     state = check_state(model, q, v, a, forces)
-    scan, _ = solve(method, model, state, gravity)
+    scan, _ = solve_locally(method, model, state, gravity)
     torque = joint_torque(model, scan.force)
     counts = even_counts(n, ranks)
     starts = np.concatenate(([0], np.cumsum(counts)))
@@ -92,7 +92,7 @@ def test_all_ranks_programs_together_are_the_method(name, n, samples, branching,
     run_all(frames)
     for rank, (block, frame) in enumerate(zip(blocks, frames, strict=True)):
         outputs = frame.layout.program.outputs
-        found = {key: frame.result(x) if isinstance(x, Reference) else x for key, x in outputs.items()}
+        found = {key: frame.result(x) if isinstance(x, ValueNumber) else x for key, x in outputs.items()}
         vs = slice(model.v_starts[starts[rank]], model.v_starts[starts[rank + 1]])
         assert close(block.torque(found), torque[:, vs], torque)
         velocity, acceleration, force = block.results(found)[0]
@@ -107,7 +107,7 @@ def messages(names):
 
 
 def test_what_nobody_needs_is_not_worked_out():
-    recorder = Recorder(Schedule(1, ()), {}, 0)
+    recorder = MethodRecorder(Schedule(1, ()), {}, 0)
     x, y = recorder.input("x", 6), recorder.input("y", 6)
     add(x, y)
     program = recorder.program({"twice": add(x, x), "constant": 3})
@@ -127,13 +127,13 @@ def test_where_nothing_comes_the_own_part_stays():
 def test_messages_of_several_children_add_up():
     nodes = np.array([1, 2, 3]), np.array([0, 0, 0])
     round_ = Round("up", 1, (Transfer("sum", *nodes),))
-    recorder = Recorder(Schedule(4, (round_,)), messages({}), 0)
+    recorder = MethodRecorder(Schedule(4, (round_,)), messages({}), 0)
     x = recorder.input("x", 6)
     (came,) = recorder.exchange(round_, x=x)
     frame = Frame(lay_out(recorder.program({"x": add(x, came)})), 2)
     frame.store(frame.layout.program.inputs["x"], np.ones((1, 2, 6)))
     for instruction in frame.layout.program.instructions:
-        if isinstance(instruction, Communicate):
+        if isinstance(instruction, Communication):
             for message in instruction.receives:
                 frame.message(message)[:] = 10.0**message.partner
         else:
@@ -146,7 +146,7 @@ def test_parts_of_a_message_lie_side_by_side(samples):
     """Also where a part is in two messages with different others, and so has to be copied."""
     one, two = np.array([0]), np.array([1])
     rounds = tuple(Round("out", k, (Transfer("pair", one, two),)) for k in (1, 2))
-    recorder = Recorder(Schedule(2, rounds), messages({}), 0)
+    recorder = MethodRecorder(Schedule(2, rounds), messages({}), 0)
     c, x, y = recorder.input("c", 36), recorder.input("x", 6), recorder.input("y", 6)
     recorder.exchange(rounds[0], c=c, x=x)
     recorder.exchange(rounds[1], c=c, x=y)
@@ -157,7 +157,7 @@ def test_parts_of_a_message_lie_side_by_side(samples):
         frame.store(number, arrays[name])
     sent = []
     for instruction in frame.layout.program.instructions:
-        if isinstance(instruction, Communicate):
+        if isinstance(instruction, Communication):
             sent += [frame.message(message).copy() for message in instruction.sends]
         else:
             compute(frame, instruction)
@@ -168,7 +168,7 @@ def test_parts_of_a_message_lie_side_by_side(samples):
 
 def test_an_operation_of_several_results_is_recorded_as_well():
     halves = Operation(lambda x: (x[..., :3], x[..., 3:]), 3, 3)
-    recorder = Recorder(Schedule(1, ()), {}, 0)
+    recorder = MethodRecorder(Schedule(1, ()), {}, 0)
     x = recorder.input("x", 6)
     one, two = halves(x)
     frame = Frame(lay_out(recorder.program({"one": one, "two": two})), 1)

@@ -13,7 +13,7 @@ from mp2a.algebra.affine import DOUBLES, MATRIX_AND_VECTOR, VECTOR
 from mp2a.bench.simulated import SCHEDULES
 from mp2a.methods import METHODS, block
 from mp2a.methods.cost import cost
-from mp2a.methods.local import solve
+from mp2a.methods.local import solve_locally
 from mp2a.schedule import (
     FORCE,
     MOTION,
@@ -149,7 +149,7 @@ def test_local_transport_carries_what_the_schedule_and_the_cost_model_count(name
     method = METHODS[name]
     state = check_state(model, *model.random_state(samples), forces)
     schedule = method.schedule(model.parents)
-    _, transport = solve(method, model, state, gravity)
+    _, transport = solve_locally(method, model, state, gravity)
     count = schedule.count(method.doubles)
     assert (transport.messages, transport.doubles) == (count.total, samples * count.doubles)
     modelled = cost(name, model.parents, samples, latency=0.01, bandwidth=1e9)

@@ -12,7 +12,7 @@ from mp2a.methods import METHODS
 from mp2a.methods.block import Block
 from mp2a.model import Model
 from mp2a.program.memory import Frame, lay_out
-from mp2a.program.recorder import Communicate
+from mp2a.program.recorder import Communication
 from mp2a.program.replay import replay
 from mp2a.schedule import Round, Schedule, Transfer
 from mp2a.spatial import Array
@@ -59,7 +59,7 @@ def method(name: str, samples: int, seed: int = 0) -> Costs:
     state = check_state(body, *model.random_state(samples, seed, body=middle), None)
     block = Block(body, 0, False, body.gravity)
     layout = lay_out(block.record(chosen, as_seen_by(middle, chosen.schedule(_ROBOTS))))
-    names = [x.round.recurrence for x in layout.program.instructions if isinstance(x, Communicate)]
+    names = [x.round.recurrence for x in layout.program.instructions if isinstance(x, Communication)]
 
     def once() -> list[float]:
         watch = _Watch()

@@ -23,8 +23,7 @@ from mp2a.model import Model
 from mp2a.mpi import MPI
 from mp2a.reference import Reference
 from mp2a.spatial import Array
-from mp2a.transport.link import Link, make_link
-from mp2a.transport.link import measure as measure_link
+from mp2a.transport.link import Link, make_link, measure_latency
 from mp2a.transport.wait import wait
 
 _PIPELINE = 16
@@ -199,7 +198,7 @@ def _network(link: Link, settings: Settings, measured: dict[str, dict[str, Timin
 def _ping_pong(link: Link, doubles: int) -> float:
     """Median one-way seconds of a message between ranks 0 and 1; 0 elsewhere."""
     barrier(link.comm)
-    times = measure_link(link, doubles, 20)
+    times = measure_latency(link, doubles, 20)
     if not times:
         time.sleep(_QUIET)  # and not in the barrier, where hundreds of ranks looking for it would be in the way
     barrier(link.comm)

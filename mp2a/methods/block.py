@@ -18,7 +18,7 @@ from mp2a.methods.compact import MESSAGES, scan_motion
 from mp2a.methods.node import Method, Own
 from mp2a.model import Model
 from mp2a.program.operations import NOTHING, compose
-from mp2a.program.recorder import Program, Recorder
+from mp2a.program.recorder import MethodRecorder, Program
 from mp2a.results import Placement
 from mp2a.schedule import SHIFT, TAIL, Schedule
 from mp2a.serial import placements, reduce_block, rnea
@@ -56,14 +56,14 @@ class Block:
         self.bodies, self.head = bodies, bodies.body(0)
         self.rest = bodies.block(range(1, len(bodies))) if len(bodies) > 1 else None
         self._rank, self._on_base, self._gravity = rank, on_base, gravity
-        self._state = self._behind = at_rest(bodies)
+        self._state = self._behind = still_state(bodies)
         self._across = motion.IDENTITY
 
     # ---- recording ---------------------------------------------------------------------------------------------
 
     def record(self, method: Method, schedule: Schedule) -> Program:
-        """Record a method's part of this rank; its outputs are named as those of a `Scan`."""
-        recorder = Recorder(schedule, {**SHIFT_MESSAGES, **method.messages}, self._rank)
+        """Record a method's part of this rank; its outputs are named as those of a `ScanResult`."""
+        recorder = MethodRecorder(schedule, {**SHIFT_MESSAGES, **method.messages}, self._rank)
         base = np.concatenate((np.zeros(3), -self._gravity)) if self._on_base else NOTHING
         own = Own(
             path=self._record_path(recorder),
@@ -78,10 +78,10 @@ class Block:
 
     def record_motion(self, schedule: Schedule) -> Program:
         """Record the rounds of motion alone; its output is ``path``."""
-        recorder = Recorder(schedule, {**SHIFT_MESSAGES, **MESSAGES}, self._rank)
+        recorder = MethodRecorder(schedule, {**SHIFT_MESSAGES, **MESSAGES}, self._rank)
         return recorder.program({"path": scan_motion(self._record_path(recorder), recorder)[-1]})
 
-    def _record_path(self, recorder: Recorder) -> Any:
+    def _record_path(self, recorder: MethodRecorder) -> Any:
         """Path from the head of the block before to the own one."""
         path = recorder.input("joint", motion.DOUBLES)
         for round_ in recorder.recurrence(SHIFT):
@@ -163,7 +163,7 @@ class Block:
         return base, -force_to_child(across.rotation, across.translation, distal[0])
 
 
-def at_rest(bodies: Model) -> JointState:
+def still_state(bodies: Model) -> JointState:
     """One sample of bodies that do not move."""
     still = np.zeros((1, bodies.nv))
     return JointState(bodies.neutral[None], still, still, None, single=True)

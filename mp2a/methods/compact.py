@@ -4,14 +4,14 @@ from typing import Any
 
 from mp2a.algebra import motion
 from mp2a.algebra.affine import NO_VECTOR
-from mp2a.methods.node import Own, Rounds, Scan
+from mp2a.methods.node import Own, Rounds, ScanResult
 from mp2a.program.operations import NOTHING, add, compose, read_off, to_classical, transform_force
 from mp2a.schedule import FORCE, MOTION
 
 MESSAGES = {MOTION: {"path": motion.IDENTITY}, FORCE: {"force": NO_VECTOR}}
 
 
-def compact(own: Own, rounds: Rounds) -> Scan:
+def compact(own: Own, rounds: Rounds) -> ScanResult:
     """Scan motion, then force.
 
     A node remembers its path from the 2^e-th ancestor of every round. With it, it transforms its force itself to where
@@ -24,7 +24,7 @@ def compact(own: Own, rounds: Rounds) -> Scan:
     for round_, path in zip(rounds.recurrence("force"), paths, strict=False):
         (below,) = rounds.exchange(round_, force=transform_force(path, force))
         force, distal = add(force, below), add(distal, below)
-    return Scan(velocity, acceleration, force, distal, paths[-1])
+    return ScanResult(velocity, acceleration, force, distal, paths[-1])
 
 
 def scan_motion(path: Any, rounds: Rounds) -> list[Any]:

@@ -4,7 +4,7 @@ from typing import Any
 
 from mp2a.algebra import affine
 from mp2a.algebra.affine import MATRIX_AND_VECTOR, VECTOR
-from mp2a.methods.node import Own, Rounds, Scan
+from mp2a.methods.node import Own, Rounds, ScanResult
 from mp2a.program.operations import (
     acceleration_across,
     add,
@@ -23,7 +23,7 @@ MESSAGES = {
 }
 
 
-def kogge_stone(own: Own, rounds: Rounds) -> Scan:
+def kogge_stone(own: Own, rounds: Rounds) -> ScanResult:
     r"""Scan velocity, acceleration and force.
 
     Each robot forms its own :math:`C_i, b_i` (eq. 7, 9, 10) and knows its own joint only. The paper's backward
@@ -48,7 +48,7 @@ def kogge_stone(own: Own, rounds: Rounds) -> Scan:
     passed = apply_matrix(inwards, own.force(velocity, acceleration))
     passed, distal = scan("force", inwards, passed, own, rounds)
     force, behind = force_from_parent(own.path, passed), force_from_parent(own.path, distal)
-    return Scan(velocity, acceleration, force, behind)
+    return ScanResult(velocity, acceleration, force, behind)
 
 
 def scan(recurrence: str, c: Any, b: Any, own: Own, rounds: Rounds) -> tuple[Any, Any]:

@@ -4,7 +4,7 @@ import numpy as np
 
 from mp2a.algebra import inertia, motion
 from mp2a.joint_kinematics import joint_motion
-from mp2a.methods.node import Method, Own, Scan
+from mp2a.methods.node import Method, Own, ScanResult
 from mp2a.model import Model
 from mp2a.program.local import LocalRounds
 from mp2a.spatial import Array, body_force
@@ -12,7 +12,7 @@ from mp2a.transport.local import LocalTransport
 from mp2a.validation import JointState
 
 
-def solve(method: Method, model: Model, state: JointState, gravity: Array) -> tuple[Scan, LocalTransport]:
+def solve_locally(method: Method, model: Model, state: JointState, gravity: Array) -> tuple[ScanResult, LocalTransport]:
     """Run a method of inverse dynamics for all bodies at once.
 
     Parameters
@@ -28,7 +28,7 @@ def solve(method: Method, model: Model, state: JointState, gravity: Array) -> tu
 
     Returns
     -------
-    Scan
+    ScanResult
         Arrays ``(n, T, 6)``; ``path``, if the method has it, ``(n, T, 24)``.
     LocalTransport
         What would have been sent.

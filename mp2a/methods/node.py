@@ -42,7 +42,7 @@ class Own(NamedTuple):
     """Zeros, 6 numbers."""
 
 
-class Scan(NamedTuple):
+class ScanResult(NamedTuple):
     """What nodes know after the exchanges, of their heads; 6 numbers each."""
 
     velocity: Any
@@ -79,7 +79,7 @@ class Method(NamedTuple):
     """What each kind of message holds."""
     work: Work
     """Mean over the rounds."""
-    scan: Callable[[Own, Rounds], Scan]
+    scan: Callable[[Own, Rounds], ScanResult]
     """What each node does: straight on over its rounds."""
 
     @property

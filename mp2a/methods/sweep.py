@@ -1,14 +1,14 @@
 """The whole inverse dynamics in one set of rounds, on a chain or a tree (theory, section 4)."""
 
 from mp2a.algebra import inertia, motion
-from mp2a.methods.node import Own, Rounds, Scan
+from mp2a.methods.node import Own, Rounds, ScanResult
 from mp2a.program.operations import NOTHING, add, compose, force_of, read_off, to_classical, transform
 from mp2a.schedule import FORCE, MOTION
 
 MESSAGES = {MOTION: {"path": motion.IDENTITY}, FORCE: {"load": inertia.IDENTITY}}
 
 
-def sweep(own: Own, rounds: Rounds) -> Scan:
+def sweep(own: Own, rounds: Rounds) -> ScanResult:
     """Scan motion and composite inertias at once.
 
     A node keeps two segments: its path from its 2^e-th ancestor, and the composite inertia of all nodes fewer than 2^e
@@ -22,4 +22,4 @@ def sweep(own: Own, rounds: Rounds) -> Scan:
         below, distal = add(below, load), add(distal, load)
     velocity, acceleration = read_off(path, own.gravity)
     force, behind = force_of(below, velocity, acceleration), force_of(distal, velocity, acceleration)
-    return Scan(velocity, to_classical(acceleration, velocity), force, behind, path)
+    return ScanResult(velocity, to_classical(acceleration, velocity), force, behind, path)

@@ -17,7 +17,7 @@ from mp2a.cores import is_oversubscribed
 from mp2a.mpi import MPI
 from mp2a.program.memory import Frame
 from mp2a.program.operations import add
-from mp2a.program.recorder import Communicate, Compute
+from mp2a.program.recorder import Communication, Computation
 from mp2a.program.replay import compute, exchange_only, values_of
 from mp2a.spatial import Array
 from mp2a.transport.link import Receiving, arrived
@@ -41,7 +41,7 @@ class _Piece(NamedTuple):
 
     first: int
     last: int
-    computation: Compute | None
+    computation: Computation | None
     exchanges: int
     """Exchanges begun before it."""
 
@@ -80,7 +80,7 @@ class CompiledProgram:
         self._after: list[str] = []
         self._recurrence = ""
         for instruction in frame.layout.program.instructions:
-            if isinstance(instruction, Communicate):
+            if isinstance(instruction, Communication):
                 self._communicate(instruction)
             elif instruction.operation.step is not None:
                 self._compute(instruction)
@@ -165,7 +165,7 @@ class CompiledProgram:
             for kind, doubles in messages:
                 self._transport.count(kind, doubles)
 
-    def _communicate(self, instruction: Communicate) -> None:
+    def _communicate(self, instruction: Communication) -> None:
         self._recurrence = instruction.round.recurrence
         receiving = []
         for message in instruction.receives:
@@ -184,7 +184,7 @@ class CompiledProgram:
         self._await(receiving)
         self._in_flight = sending
 
-    def _compute(self, instruction: Compute) -> None:
+    def _compute(self, instruction: Computation) -> None:
         operation, inputs, outputs = instruction
         assert operation.step is not None
         out = self.frame.values[outputs[0]]

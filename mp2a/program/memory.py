@@ -11,22 +11,22 @@ from typing import NamedTuple
 import numpy as np
 
 from mp2a.program.operations import Operation, add
-from mp2a.program.recorder import Communicate, Compute, Instruction, Message, Program, Reference
+from mp2a.program.recorder import Communication, Computation, Instruction, Program, RankMessage, ValueNumber
 from mp2a.spatial import Array
 
 
-class Place(NamedTuple):
+class MemoryPlace(NamedTuple):
     """Where a value lies, in numbers a sample."""
 
     slot: int
     start: int
 
 
-class Layout(NamedTuple):
+class MemoryLayout(NamedTuple):
     """A program whose values have places."""
 
     program: Program
-    places: dict[int, Place]
+    places: dict[int, MemoryPlace]
     slots: tuple[int, ...]
     """Numbers a sample of each slot."""
 
@@ -42,11 +42,11 @@ def _copy(array: Array) -> Array:
 _COPY = Operation(_copy)
 
 
-def lay_out(program: Program) -> Layout:
+def lay_out(program: Program) -> MemoryLayout:
     """Give the values of a program their places."""
     program, groups = _group(program)
     first, last = _lives(program, groups)
-    return Layout(program, *_allocate(program, groups, first, last))
+    return MemoryLayout(program, *_allocate(program, groups, first, last))
 
 
 class Frame:
@@ -58,14 +58,14 @@ class Frame:
         Array ``(1, T, width)`` of each value, by its number; of a value without a place None until it is worked out.
     """
 
-    def __init__(self, layout: Layout, samples: int) -> None:
+    def __init__(self, layout: MemoryLayout, samples: int) -> None:
         self.layout, self.samples = layout, samples
         self._slots = [np.zeros((1, samples * width)) for width in layout.slots]
         self.values: list[Array | None] = [None] * len(layout.program.widths)
         for number, place in layout.places.items():
             self.values[number] = self._cut(place, layout.program.widths[number]).reshape(1, samples, -1)
 
-    def message(self, message: Message) -> Array:
+    def message(self, message: RankMessage) -> Array:
         """Return the memory of a message as it goes on the wire, ``(1, T numbers)``, contiguous."""
         width = sum(self.layout.program.widths[number] for number in message.values)
         return self._cut(self.layout.places[message.values[0]], width)
@@ -86,7 +86,7 @@ class Frame:
         assert array is not None
         return array.copy() if number in self.layout.places else array
 
-    def _cut(self, place: Place, width: int) -> Array:
+    def _cut(self, place: MemoryPlace, width: int) -> Array:
         return self._slots[place.slot][:, place.start * self.samples : (place.start + width) * self.samples]
 
 
@@ -96,7 +96,7 @@ def _group(program: Program) -> tuple[Program, list[tuple[int, ...]]]:
     widths = list(program.widths)
     instructions: list[Instruction] = []
     for instruction in program.instructions:
-        if isinstance(instruction, Compute):
+        if isinstance(instruction, Computation):
             if instruction.operation.step is not None:
                 for number in _touched(instruction):
                     groups.setdefault(number, (number,))
@@ -112,7 +112,7 @@ def _group(program: Program) -> tuple[Program, list[tuple[int, ...]]]:
                 for number in numbers:
                     if len(groups.get(number, ())) > 1:  # it already lies beside others
                         widths.append(widths[number])
-                        instructions.append(Compute(_COPY, (Reference(number),), (len(widths) - 1,)))
+                        instructions.append(Computation(_COPY, (ValueNumber(number),), (len(widths) - 1,)))
                         number = len(widths) - 1  # noqa: PLW2901
                     copies.append(number)
                 numbers = tuple(copies)
@@ -125,8 +125,8 @@ def _group(program: Program) -> tuple[Program, list[tuple[int, ...]]]:
     return changed, list(dict.fromkeys(groups.values()))
 
 
-def _touched(instruction: Compute) -> Iterator[int]:
-    yield from (x for x in instruction.inputs if isinstance(x, Reference))
+def _touched(instruction: Computation) -> Iterator[int]:
+    yield from (x for x in instruction.inputs if isinstance(x, ValueNumber))
     yield from instruction.outputs
 
 
@@ -137,7 +137,7 @@ def _lives(program: Program, groups: Sequence[tuple[int, ...]]) -> tuple[dict[in
     end = len(program.instructions)
     in_flight: list[int] = []
     for k, instruction in enumerate(program.instructions):
-        if isinstance(instruction, Compute):
+        if isinstance(instruction, Computation):
             first.update(dict.fromkeys(instruction.outputs, k))
             last.update(dict.fromkeys(_touched(instruction), k))
         elif instruction.sends or instruction.receives:
@@ -147,7 +147,7 @@ def _lives(program: Program, groups: Sequence[tuple[int, ...]]) -> tuple[dict[in
             last.update((number, k) for message in instruction.receives for number in message.values)
             last.update(dict.fromkeys(in_flight, k))
     last.update(dict.fromkeys(in_flight, end))
-    last.update((x, end) for x in program.outputs.values() if isinstance(x, Reference))
+    last.update((x, end) for x in program.outputs.values() if isinstance(x, ValueNumber))
     for group in groups:
         begin, until = min(first[number] for number in group), max(last.get(number, -1) for number in group)
         first.update(dict.fromkeys(group, begin))
@@ -157,9 +157,9 @@ def _lives(program: Program, groups: Sequence[tuple[int, ...]]) -> tuple[dict[in
 
 def _allocate(
     program: Program, groups: Sequence[tuple[int, ...]], first: dict[int, int], last: dict[int, int]
-) -> tuple[dict[int, Place], tuple[int, ...]]:
+) -> tuple[dict[int, MemoryPlace], tuple[int, ...]]:
     """Give groups slots of their width that are free, in the order in which they begin to live."""
-    places: dict[int, Place] = {}
+    places: dict[int, MemoryPlace] = {}
     slots: list[int] = []
     busy_until: list[int] = []
     for group in sorted(groups, key=lambda group: first[group[0]]):
@@ -174,19 +174,19 @@ def _allocate(
         busy_until[slot] = last[group[0]]
         start = 0
         for number in group:
-            places[number] = Place(slot, start)
+            places[number] = MemoryPlace(slot, start)
             start += program.widths[number]
     return places, tuple(slots)
 
 
 def _in_place(
-    program: Program, group: tuple[int, ...], begin: int, last: dict[int, int], places: dict[int, Place]
+    program: Program, group: tuple[int, ...], begin: int, last: dict[int, int], places: dict[int, MemoryPlace]
 ) -> int | None:
     """Slot of a first summand that ends where the sum begins."""
     if len(group) > 1 or begin < 0:
         return None
     instruction = program.instructions[begin]
-    if isinstance(instruction, Communicate) or instruction.operation is not add:
+    if isinstance(instruction, Communication) or instruction.operation is not add:
         return None
     summand = instruction.inputs[0]
     return places[summand].slot if summand in places and last[summand] == begin else None

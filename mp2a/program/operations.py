@@ -23,7 +23,7 @@ from mp2a.spatial import (
 )
 
 if TYPE_CHECKING:
-    from mp2a.program.recorder import Recorder
+    from mp2a.program.recorder import MethodRecorder
 
 
 class Nothing:
@@ -42,7 +42,7 @@ class Value:
 
     __slots__ = ("number", "recorder", "width")
 
-    def __init__(self, recorder: "Recorder", number: int, width: int) -> None:
+    def __init__(self, recorder: "MethodRecorder", number: int, width: int) -> None:
         self.recorder = recorder
         self.number = number
         self.width = width

@@ -6,7 +6,7 @@ from typing import Any
 from mp2a import kernels
 from mp2a.program.compiled import CompiledProgram
 from mp2a.program.memory import Frame, lay_out
-from mp2a.program.recorder import Program, Reference
+from mp2a.program.recorder import Program, ValueNumber
 from mp2a.program.replay import exchange_only, replay
 from mp2a.spatial import Array
 from mp2a.transport.link import Link, MPILink
@@ -85,7 +85,7 @@ class RankProgram:
         if not self.transport.valid:
             return {}
         outputs = self.layout.program.outputs
-        return {name: frame.result(x) if isinstance(x, Reference) else x for name, x in outputs.items()}
+        return {name: frame.result(x) if isinstance(x, ValueNumber) else x for name, x in outputs.items()}
 
     def fail(self) -> None:
         """Take part in a call of the others with nothing to say; collective."""

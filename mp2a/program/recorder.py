@@ -12,7 +12,7 @@ Messages = Mapping[str, Mapping[str, Array]]
 Parts that are zero there add up if several messages come."""
 
 
-class Compute(NamedTuple):
+class Computation(NamedTuple):
     """Work something out."""
 
     operation: Operation
@@ -21,7 +21,7 @@ class Compute(NamedTuple):
     outputs: tuple[int, ...]
 
 
-class Message(NamedTuple):
+class RankMessage(NamedTuple):
     """A message this rank sends or receives."""
 
     kind: str
@@ -30,18 +30,18 @@ class Message(NamedTuple):
     """Numbers of the values in it, one after the other."""
 
 
-class Communicate(NamedTuple):
+class Communication(NamedTuple):
     """Send and receive in a round, if there is anything for this rank in it."""
 
     round: Round
-    sends: tuple[Message, ...]
-    receives: tuple[Message, ...]
+    sends: tuple[RankMessage, ...]
+    receives: tuple[RankMessage, ...]
 
 
-Instruction = Compute | Communicate
+Instruction = Computation | Communication
 
 
-class Reference(int):
+class ValueNumber(int):
     """The number of a value among the inputs of an operation, as told from a constant."""
 
 
@@ -57,7 +57,7 @@ class Program(NamedTuple):
     """Values that are the result, by name; a constant stays what it is."""
 
 
-class Recorder:
+class MethodRecorder:
     """Stands in the place of the rounds while a method is recorded for one rank.
 
     Parameters
@@ -91,8 +91,8 @@ class Recorder:
         """Note an operation down and return its result, or its results."""
         widths = operation.widths or (inputs[0].width,)
         results = tuple(self._value(width) for width in widths)
-        numbers = tuple(Reference(x.number) if isinstance(x, Value) else x for x in inputs)
-        self._instructions.append(Compute(operation, numbers, tuple(value.number for value in results)))
+        numbers = tuple(ValueNumber(x.number) if isinstance(x, Value) else x for x in inputs)
+        self._instructions.append(Computation(operation, numbers, tuple(value.number for value in results)))
         return results[0] if len(results) == 1 else results
 
     def recurrence(self, name: str) -> tuple[Round, ...]:
@@ -106,27 +106,27 @@ class Recorder:
         for kind, source, target in round_.transfers:
             held = self._messages[kind]
             for partner in target[source == self._rank]:
-                sends.append(Message(kind, int(partner), tuple(parts[name].number for name in held)))
+                sends.append(RankMessage(kind, int(partner), tuple(parts[name].number for name in held)))
             for partner in source[target == self._rank]:
                 values = {name: self._value(len(absent)) for name, absent in held.items()}
-                receives.append(Message(kind, int(partner), tuple(value.number for value in values.values())))
+                receives.append(RankMessage(kind, int(partner), tuple(value.number for value in values.values())))
                 for name, value in values.items():
                     arrivals[name].append(value)
-        self._instructions.append(Communicate(round_, tuple(sends), tuple(receives)))
+        self._instructions.append(Communication(round_, tuple(sends), tuple(receives)))
         return tuple(_sum(values) for values in arrivals.values())
 
     def program(self, outputs: Mapping[str, Any]) -> Program:
         """Return what was recorded, without what nobody needs for these outputs."""
-        results = {name: Reference(x.number) if isinstance(x, Value) else x for name, x in outputs.items()}
-        needed: set[int] = {x for x in results.values() if isinstance(x, Reference)}
+        results = {name: ValueNumber(x.number) if isinstance(x, Value) else x for name, x in outputs.items()}
+        needed: set[int] = {x for x in results.values() if isinstance(x, ValueNumber)}
         kept: list[Instruction] = []
         for instruction in reversed(self._instructions):
-            if isinstance(instruction, Communicate):
+            if isinstance(instruction, Communication):
                 needed.update(number for message in instruction.sends for number in message.values)
             elif needed.isdisjoint(instruction.outputs):
                 continue
             else:
-                needed.update(x for x in instruction.inputs if isinstance(x, Reference))
+                needed.update(x for x in instruction.inputs if isinstance(x, ValueNumber))
             kept.append(instruction)
         inputs = {name: number for name, number in self._inputs.items() if number in needed}
         return Program(tuple(reversed(kept)), tuple(self._widths), inputs, results)

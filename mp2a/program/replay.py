@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from mp2a.program.memory import Frame
-from mp2a.program.recorder import Communicate, Compute, Reference
+from mp2a.program.recorder import Communication, Computation, ValueNumber
 from mp2a.transport.base import Parcel, Transport
 
 
@@ -20,7 +20,7 @@ def replay(frame: Frame, transport: Transport) -> None:
     """
     error: Exception | None = None
     for instruction in frame.layout.program.instructions:
-        if isinstance(instruction, Communicate):
+        if isinstance(instruction, Communication):
             exchange(frame, instruction, transport)
         elif transport.valid:
             try:
@@ -34,13 +34,13 @@ def replay(frame: Frame, transport: Transport) -> None:
 
 def exchange_only(frame: Frame, transport: Transport, first: int = 0) -> None:
     """Go through the exchanges alone, from one on, of a rank that has nothing to say."""
-    exchanges = [x for x in frame.layout.program.instructions if isinstance(x, Communicate)]
+    exchanges = [x for x in frame.layout.program.instructions if isinstance(x, Communication)]
     for instruction in exchanges[first:]:
         exchange(frame, instruction, transport)
     transport.flush()
 
 
-def exchange(frame: Frame, instruction: Communicate, transport: Transport) -> None:
+def exchange(frame: Frame, instruction: Communication, transport: Transport) -> None:
     """Do an exchange."""
     sends, receives = (
         [Parcel(message.kind, message.partner, frame.message(message)) for message in messages]
@@ -49,7 +49,7 @@ def exchange(frame: Frame, instruction: Communicate, transport: Transport) -> No
     transport.exchange(instruction.round, sends, receives)
 
 
-def compute(frame: Frame, instruction: Compute) -> None:
+def compute(frame: Frame, instruction: Computation) -> None:
     """Work something out."""
     operation, inputs, outputs = instruction
     arrays = values_of(frame, inputs)
@@ -63,4 +63,4 @@ def compute(frame: Frame, instruction: Compute) -> None:
 
 def values_of(frame: Frame, inputs: Iterable[Any]) -> list[Any]:
     """Return the arrays of inputs; a constant stays what it is."""
-    return [frame.values[x] if isinstance(x, Reference) else x for x in inputs]
+    return [frame.values[x] if isinstance(x, ValueNumber) else x for x in inputs]

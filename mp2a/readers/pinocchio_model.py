@@ -18,7 +18,7 @@ _UNALIGNED = {
 
 
 def from_model(model: pinocchio.Model) -> dict[str, Any]:
-    """Fields of `Model.from_pinocchio`."""
+    """Return the fields for `Model.from_pinocchio`."""
     n = model.njoints - 1
     if n == 0:
         raise InputError("model: got a pinocchio model without joints, expected at least one that moves")
@@ -52,7 +52,7 @@ def from_model(model: pinocchio.Model) -> dict[str, Any]:
 
 
 def to_model(fields: dict[str, Any]) -> pinocchio.Model:
-    """Model of a model's fields; see `Model.to_pinocchio`."""
+    """Make a `pinocchio.Model` of a model's fields, for `Model.to_pinocchio`."""
     model = pinocchio.Model()
     model.name = "mp2a"
     model.gravity.linear = fields["gravity"]

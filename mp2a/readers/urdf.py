@@ -24,7 +24,7 @@ _ROOTS = ("fixed", "free", "planar", "spherical")
 
 
 def read_urdf(path: str | Path, root: str) -> dict[str, Any]:
-    """Fields of `Model.from_urdf`."""
+    """Return the fields for `Model.from_urdf`."""
     if root not in _ROOTS:
         raise InputError(f"root: got {root!r}, expected one of {', '.join(map(repr, _ROOTS))}")
     try:

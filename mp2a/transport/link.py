@@ -114,7 +114,7 @@ def make_link(comm: MPI.Intracomm, network: EmulatedNetwork | None) -> Link:
     return EmulatedLink(comm, network)
 
 
-def measure(link: Link, doubles: int, rounds: int) -> list[float]:
+def measure_latency(link: Link, doubles: int, rounds: int) -> list[float]:
     """One-way seconds of messages between ranks 0 and 1, half of each round trip, on rank 0; nothing elsewhere."""
     rank, times = link.comm.Get_rank(), []
     if rank > 1 or link.comm.Get_size() == 1:

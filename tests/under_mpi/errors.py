@@ -9,7 +9,7 @@ from _formation import COMM, RANK, SIZE, Checks, chain_of_all_joints, own_column
 
 import mp2a
 from mp2a.methods import METHODS
-from mp2a.program.recorder import Compute
+from mp2a.program.recorder import Computation
 
 check = Checks()
 
@@ -194,7 +194,7 @@ for method in METHODS:
     with make(COMM, model, method) as formation:
         many = model.random_state(4000, body=RANK)
         program = formation._calls.program("rnea")
-        last = [x for x in program.layout.program.instructions if isinstance(x, Compute)][-1].operation
+        last = [x for x in program.layout.program.instructions if isinstance(x, Computation)][-1].operation
         for bad in wrong_ranks:
             function = last.function
 
