@@ -16,12 +16,12 @@ from mp2a.formation.robot_models import HUSKY
 from mp2a.robots.driver import Driver
 from mp2a.robots.interface import Sensed
 from mp2a.robots.planner import ChoreographyPlanner
-from mp2a.robots.table import INTERFACES
+from mp2a.robots.robot_config import ROBOT_CONFIGS
 
 pytestmark = pytest.mark.ros
 BESIDE = (Path(__file__).parents[2] / "examples" / "scenarios" / "listing_7_1.txt").read_text()
 PERIOD = 12  # steps of 1/240 s
-HERE = INTERFACES["husky"]
+HERE = ROBOT_CONFIGS["husky"]
 
 
 class InPhysics:

@@ -6,7 +6,7 @@ from mp2a.robots.interface import Sensed
 from mp2a.spatial import Array
 
 
-class Step(NamedTuple):
+class DriveTick(NamedTuple):
     """What happened at one tick of one robot."""
 
     time: float
@@ -24,6 +24,8 @@ class Step(NamedTuple):
     blocked: bool
     error: bool
     done: bool
+    stands: bool = False
+    """Whether this is the last one: the drive has ended, and zero was sent."""
 
     @property
     def flags(self) -> tuple[bool, bool, bool, bool]:
@@ -42,8 +44,8 @@ BEGINS = (False,) * len(EVENTS)
 """Flags before the first tick."""
 
 
-def events(before: tuple[bool, ...], now: tuple[bool, ...]) -> list[str]:
-    """Tell what has changed from the flags of one tick to those of the next."""
+def changes(before: tuple[bool, ...], now: tuple[bool, ...]) -> list[str]:
+    """Return what has changed from the flags of one tick to those of the next, as texts."""
     changed = [pair[not after] for pair, was, after in zip(EVENTS, before, now, strict=True) if was != after]
     return [text for text in changed if text]
 
@@ -55,7 +57,7 @@ COLUMNS = (
 """Of a row: s, m and rad in the ground frame, m/s, rad/s; flags are 0 or 1."""
 
 
-def row(step: Step) -> list[str]:
-    """Texts of a step for a table with `COLUMNS`."""
-    numbers = (step.time, *step.pose, *step.leader, *step.sensed.twist, *step.command, step.share)
-    return [*(f"{number:.6g}" for number in numbers), *(f"{flag:d}" for flag in step.flags[:3])]
+def table_row(tick: DriveTick) -> list[str]:
+    """Return the texts of a tick for a table with `COLUMNS`."""
+    numbers = (tick.time, *tick.pose, *tick.leader, *tick.sensed.twist, *tick.command, tick.share)
+    return [*(f"{number:.6g}" for number in numbers), *(f"{flag:d}" for flag in tick.flags[:3])]

@@ -6,16 +6,20 @@ from mp2a.checks import positive
 from mp2a.exceptions import InputError
 from mp2a.formation.robot_models import HUSKY, TRADR, RobotModel
 
-SYNC_TOPIC = "/sync"
-"""Where robots find each other and agree when to start (thesis, chapter 3)."""
 LEAST_RATE = 10.0
 """Hz below which the robots ignore commands (thesis, chapter 2)."""
+_LARGEST = {
+    "rate": 200.0, "patience": 1.0, "human_pause": 60.0, "pose_age": 1.0, "points_age": 1.0, "length": 10.0,
+    "width": 10.0, "max_speed": 20.0, "max_turn_rate": 20.0, "max_acceleration": 100.0, "max_turn_acceleration": 100.0,
+}  # fmt: skip
+"""What no ground robot here exceeds: Hz, s, m, m/s, rad/s, m/s², rad/s². Ours, against slips of the pen, with which a
+drive would take for ever, or a robot would drive on for long when it is lost."""
 MESSAGES = ("Twist", "TwistStamped")
 POSES = ("tf", "odometry", "stamped")
 
 
 @dataclass(frozen=True)
-class RobotInterface:
+class RobotConfig:
     """How to talk to one robot.
 
     Attributes
@@ -37,13 +41,13 @@ class RobotInterface:
     acquire, release
         Services of a mux that hands out the command topic; empty: it has none.
     pose
-        Where the pose is from: ``tf``, ``odometry``, or ``stamped``, messages of their own (ROS 2).
+        Where the pose is from: ``tf``, ``odometry``, or ``stamped``, messages of their own.
     fixed_frame, body_frame
         Between which the pose is, m and rad.
     pose_age
         s: an older pose counts as a look-up that failed.
     tf_topic
-        Of ROS 2: ``tf2_msgs/TFMessage``; those that do not move come on the same with ``_static`` added.
+        ``tf2_msgs/TFMessage``; those that do not move come on the same with ``_static`` added.
     odometry_topic
         ``nav_msgs/Odometry``; its turn rate must be measured (by a gyroscope), not made of the wheels' turns.
     pose_topic, twist_topic
@@ -100,6 +104,7 @@ class RobotInterface:
                 positive(field.name, value)
             elif field.type is str and (not isinstance(value, str) or value != "".join(value.split())):
                 raise InputError(f"{field.name}: got {value!r}, expected a name without blanks")
+        self._check_largest()
         for name, allowed in (("message", MESSAGES), ("pose", POSES)):
             if getattr(self, name) not in allowed:
                 raise InputError(f"{name}: got {getattr(self, name)!r}, expected one of {', '.join(allowed)}")
@@ -115,13 +120,19 @@ class RobotInterface:
         if bool(self.acquire) != bool(self.release):
             raise InputError(f"acquire, release: got {self.acquire!r}, {self.release!r}, expected both or none")
 
+    def _check_largest(self) -> None:
+        for name, largest in _LARGEST.items():
+            value = getattr(self if hasattr(self, name) else self.model, name)
+            if value > largest:
+                raise InputError(f"{name}: got {value:g}, expected at most {largest:g}")
 
-INTERFACES = {
-    "husky": RobotInterface(HUSKY),
-    "tradr": RobotInterface(
+
+ROBOT_CONFIGS = {
+    "husky": RobotConfig(HUSKY),
+    "tradr": RobotConfig(
         TRADR, acquire="/mux_cmd_vel/acquire", release="/mux_cmd_vel/release", odometry_topic="/odom"
     ),
-    "husky-jazzy": RobotInterface(
+    "husky-jazzy": RobotConfig(
         replace(HUSKY, max_turn_rate=1.0, max_acceleration=1.0, max_turn_acceleration=1.0),
         command_topic="/cmd_vel", human_topic="/joy_teleop/cmd_vel", message="TwistStamped", pose="odometry",
         fixed_frame="odom", odometry_topic="/platform/odom/filtered", points_topic="/sensors/lidar3d_0/points",
