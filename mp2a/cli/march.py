@@ -167,7 +167,7 @@ def _settle_options(options: argparse.Namespace) -> None:
 
 def _simulation(options: argparse.Namespace, plan: Plan) -> "Simulation":
     from mp2a.simulator import Simulation, World, disc, read_world
-    from mp2a.simulator.drive import SLIPS
+    from mp2a.simulator.vehicle import SLIPS
 
     world = World() if options.world is None else read_world(options.world)
     if options.obstacle:

@@ -31,7 +31,7 @@ def show(
     for heading in ("robot", "arrived", "off, m", "touched", *more):
         table.add_column(heading, justify="left" if heading in ("robot", "arrived", "touched") else "right")
     for i, each in enumerate(outcomes):
-        off = "-" if each.distance != each.distance else f"{each.distance:.2f}"  # noqa: PLR0124 (nan)
+        off = "-" if each.distance != each.distance else f"{each.distance:.2f}"
         row = (each.role, "yes" if each.arrived else "no", off, ", ".join(each.touched) or "-")
         table.add_row(*map(Text, (*row, *(texts[i] for texts in more.values()))))
     to = console or Console(width=80, highlight=False)

@@ -2,27 +2,24 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mp2a.exceptions import DependencyError
-from mp2a.simulator.observation import STATES
+from mp2a.simulator.events import GOOD_NEWS
+from mp2a.simulator.recording import Recording
 from mp2a.spatial import Array
-
-if TYPE_CHECKING:
-    from mp2a.simulator.recording import Recording
 
 GROUND = "ground"
 """Name of the ground frame; robot i has the frame ``robot_i``, counted from 1."""
 
 _HEIGHT = 0.4  # m, of robots and obstacles: pictures want one, the simulation has none
-_GOOD_NEWS = tuple(ended for _, ended in STATES if ended)  # the end of a state; all else is a warning
 _MOTION = ("speed", "turn_rate", "commanded_speed", "commanded_turn_rate", "leader_distance", "wanted_distance")
 _SCHEMA = {"type": "object", "title": "Motion", "properties": {name: {"type": "number"} for name in _MOTION}}
 
 
-def write(recording: "Recording", path: Path) -> None:
+def write(recording: Recording, path: Path) -> None:
     """Write a recording as MCAP; times begin at 0.
 
     Parameters
@@ -72,9 +69,9 @@ def write(recording: "Recording", path: Path) -> None:
                     scans[i].log(cloud, log_time=now)
         for event in recording.events:
             now = _ns(event.time)
-            level = messages.LogLevel.Info if event.text.endswith(_GOOD_NEWS) else messages.LogLevel.Warning
-            stamp, name = _stamp(messages, now), frames[event.robot]
-            events.log(messages.Log(timestamp=stamp, level=level, message=event.text, name=name), log_time=now)
+            level = messages.LogLevel.Info if event.kind in GOOD_NEWS else messages.LogLevel.Warning
+            stamp, name, text = _stamp(messages, now), frames[event.robot], event.text(recording.roles)
+            events.log(messages.Log(timestamp=stamp, level=level, message=text, name=name), log_time=now)
 
 
 def _ns(time: float) -> int:
@@ -119,7 +116,7 @@ def _cloud(messages: Any, points: Any, frame: str, stamp: int) -> Any:
     )
 
 
-def _world(messages: Any, recording: "Recording") -> Any:
+def _world(messages: Any, recording: Recording) -> Any:
     color = messages.Color(r=0.25, g=0.25, b=0.25, a=1.0)
     lines = [
         messages.LinePrimitive(
@@ -134,7 +131,7 @@ def _world(messages: Any, recording: "Recording") -> Any:
     return messages.SceneUpdate(entities=[entity])
 
 
-def _robots(messages: Any, recording: "Recording", frames: list[str]) -> Any:
+def _robots(messages: Any, recording: Recording, frames: list[str]) -> Any:
     entities = []
     for i, (model, frame) in enumerate(zip(recording.models, frames, strict=True)):
         body = messages.CubePrimitive(
@@ -155,7 +152,7 @@ def _robots(messages: Any, recording: "Recording", frames: list[str]) -> Any:
             billboard=True,
             font_size=0.3,
             color=messages.Color(a=1.0),
-            text=str(i + 1),
+            text=recording.roles[i],
         )
         robot = messages.SceneEntity(
             timestamp=_stamp(messages, 0), frame_id=frame, id=frame, frame_locked=True, cubes=[body], arrows=[front],
