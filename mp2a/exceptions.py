@@ -7,3 +7,7 @@ class InputError(ValueError):
 
 class DependencyError(RuntimeError):
     """Something this call needs is not on the machine: the message says what, and how to get it."""
+
+
+class OutputError(OSError):
+    """A file cannot be written: the message names it and says why, a full disk for instance."""
