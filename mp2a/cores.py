@@ -7,6 +7,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 
+from mp2a.mpi_environment import rank_info
+
 USUAL_SLACK = 50_000
 """Nanoseconds the kernel may add to a sleep, unless told otherwise."""
 
@@ -20,7 +22,8 @@ def usable_cores() -> int:
 
 
 def _local_ranks() -> int:
-    return int(os.environ.get("OMPI_COMM_WORLD_LOCAL_SIZE") or os.environ.get("MPI_LOCALNRANKS") or "1")
+    info = rank_info()
+    return info.local_size if info else 1
 
 
 def _machine_cores() -> int:
@@ -41,7 +44,7 @@ def is_oversubscribed() -> bool:
 
 
 @cache
-def share() -> int:
+def threads_per_rank() -> int:
     """Return how many threads this process may run without taking cores from the other ranks of this machine."""
     return max(1, min(usable_cores(), _machine_cores() // _local_ranks()))
 
@@ -71,7 +74,7 @@ def timer_slack(nanoseconds: int) -> int:
     return before
 
 
-def settle() -> None:
+def restore_timer_slack() -> None:
     """Make this thread's sleeps exact again after a start with `mp2a.launch`; for after MPI_Init."""
     prctl = _prctl()
     if prctl is not None and prctl(_PR_GET_TIMERSLACK, 0) > USUAL_SLACK:

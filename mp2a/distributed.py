@@ -8,7 +8,6 @@ from types import TracebackType
 from typing import NamedTuple
 
 import numpy as np
-from mpi4py import MPI
 from numpy.typing import ArrayLike, NDArray
 
 from mp2a import schedule as schedules
@@ -20,6 +19,7 @@ from mp2a.methods import METHODS, InverseDynamics, block
 from mp2a.methods.auto import AUTO, Choice, choose
 from mp2a.methods.compact import outwards
 from mp2a.model import Model
+from mp2a.mpi import MPI
 from mp2a.network import EmulatedNetwork
 from mp2a.schedule import Formation, Schedule, shifted
 from mp2a.spatial import GRAVITY, Array
@@ -91,7 +91,7 @@ class DistributedModel:
     --------
     Under ``mpirun -n 8``, each rank with its own joint's values::
 
-        from mpi4py import MPI
+        from mp2a.mpi import MPI
         import mp2a
 
         with mp2a.DistributedModel(MPI.COMM_WORLD, mp2a.Model.uniform(8)) as robots:

@@ -3,10 +3,10 @@
 from types import TracebackType
 
 import numpy as np
-from mpi4py import MPI
 
 from mp2a.checks import count
 from mp2a.exceptions import InputError
+from mp2a.mpi import MPI
 from mp2a.transport.mpi import raise_together
 
 _LANES = 8

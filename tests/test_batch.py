@@ -307,13 +307,14 @@ def test_machine_code_stays_in_vectors(name):
 
 @pytest.mark.parametrize("ranks, threads", [("1", 4), ("2", 2), ("3", 1), ("8", 1)])
 def test_ranks_share_the_cores(ranks, threads, monkeypatch):
+    monkeypatch.setenv("OMPI_COMM_WORLD_RANK", "0")
     monkeypatch.setenv("OMPI_COMM_WORLD_LOCAL_SIZE", ranks)
     monkeypatch.setattr(cores.os, "sched_getaffinity", lambda process: set(range(4)), raising=False)
-    cores.share.cache_clear()
+    cores.threads_per_rank.cache_clear()
     try:
-        assert cores.share() == threads
+        assert cores.threads_per_rank() == threads
     finally:
-        cores.share.cache_clear()
+        cores.threads_per_rank.cache_clear()
 
 
 def test_without_compiled_kernels_numpy_does_it(monkeypatch):

@@ -69,8 +69,7 @@ def method(name: str, samples: int, seed: int = 0) -> Costs:
 
 def _recorded(chosen: Method, body: Model, state: JointState, gravity: Array, schedule: Schedule) -> dict[str, float]:
     """Seconds between the rounds of each recurrence, where rounds are recorded and done without the interpreter."""
-    from mpi4py import MPI
-
+    from mp2a.mpi import MPI
     from mp2a.transport.link import MPILink
     from mp2a.transport.mpi import MPITransport
 

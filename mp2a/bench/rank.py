@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from mp2a import cost_model
 from mp2a.bench.centre import Centre
@@ -21,6 +20,7 @@ from mp2a.dynamics import rnea
 from mp2a.exceptions import DependencyError
 from mp2a.methods import METHODS
 from mp2a.model import Model
+from mp2a.mpi import MPI
 from mp2a.reference import Reference
 from mp2a.spatial import Array
 from mp2a.transport.link import Link, make_link

@@ -9,12 +9,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from mp2a.bench.timing import barrier
 from mp2a.distributed import DistributedModel
 from mp2a.methods import METHODS
 from mp2a.model import Model
+from mp2a.mpi import MPI
 from mp2a.schedule import Schedule
 from mp2a.transport.trace import Event
 

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from mpi4py import MPI
 
 from mp2a.bench.settings import Settings
+from mp2a.mpi import MPI
 from mp2a.spatial import Array
 from mp2a.transport.wait import wait
 

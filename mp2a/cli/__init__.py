@@ -1,7 +1,6 @@
 """The ``mp2a`` command, a file a subcommand. Each imports what it runs when it runs."""
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 
@@ -9,6 +8,7 @@ from mp2a import __version__
 from mp2a.bench.settings import ERROR
 from mp2a.cli import bench, check, cost, drive, march, plot, schedule, trace
 from mp2a.exceptions import DependencyError, InputError
+from mp2a.mpi_environment import rank_info
 
 _SUBCOMMANDS = (bench, check, plot, cost, schedule, trace, march, drive)
 _INTERRUPTED = 130
@@ -30,7 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _fail(message: str) -> int:
     # Under mpirun every rank has the same error, and one of them says it.
-    if os.environ.get("OMPI_COMM_WORLD_RANK", os.environ.get("PMI_RANK", "0")) == "0":
+    info = rank_info()
+    if info is None or info.rank == 0:
         print(f"{ERROR}{message}", file=sys.stderr)
     return 2
 

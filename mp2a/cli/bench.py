@@ -17,10 +17,10 @@ from mp2a.cli.options import (
     progress,
     ranks,
     say_line,
-    under_mpirun,
     words,
 )
 from mp2a.exceptions import InputError
+from mp2a.mpi_environment import under_mpi
 
 
 def add(commands: Any) -> None:
@@ -54,7 +54,7 @@ def _bench(options: argparse.Namespace) -> None:
 
     if options.out.exists():
         results.load(options.out)  # said now if it cannot be appended to, not after the measurement
-    if under_mpirun():
+    if under_mpi():
         if options.ranks is not None:
             raise InputError("--ranks: given under mpirun, expected one or the other")
         as_rank(_bench_here, options)

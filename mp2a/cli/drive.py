@@ -6,12 +6,13 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mp2a.cli.options import command, positive_number, under_mpirun
+from mp2a.cli.options import command, positive_number
 from mp2a.exceptions import DependencyError, InputError
+from mp2a.mpi_environment import under_mpi
 from mp2a.robots.adapters import ADAPTERS, REAL
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
+    from mp2a.mpi import MPI
 
 _BAGS = ("mcap", "ros2", "ros1", "none")
 """Those of `mp2a.robots.records.bag_writer`, which is not loaded to parse options, and none."""
@@ -68,8 +69,8 @@ def add(commands: Any) -> None:
 def _drive(options: argparse.Namespace) -> int:
     """Drive; a rank that fails ends all, and every watchdog stops its robot."""
     comm = None
-    if under_mpirun():
-        from mpi4py import MPI
+    if under_mpi():
+        from mp2a.mpi import MPI
 
         comm = MPI.COMM_WORLD if MPI.COMM_WORLD.size > 1 else None
     if comm is None:

@@ -5,14 +5,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from mp2a.cli.options import WIDTH, as_rank, command, positive, positive_number, under_mpirun, words
+from mp2a.cli.options import WIDTH, as_rank, command, positive, positive_number, words
 from mp2a.cli.stage import Plan, danced, marched
 from mp2a.exceptions import DependencyError, InputError
+from mp2a.mpi_environment import under_mpi
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from mp2a.formation.record import Record
+    from mp2a.mpi import MPI
     from mp2a.simulator import Event, Recorder, Recording, Simulation
     from mp2a.spatial import Array
 
@@ -76,7 +76,7 @@ def add(commands: Any) -> None:
 
 def _march(options: argparse.Namespace) -> None:
     _settle_options(options)
-    if under_mpirun():
+    if under_mpi():
         as_rank(_march_here, options)
         return
     from mp2a.simulator import Recorder, run
@@ -96,8 +96,7 @@ def _march(options: argparse.Namespace) -> None:
 
 def _march_here(options: argparse.Namespace) -> None:
     """March as one rank of a running mpirun; rank 0 has the world, too."""
-    from mpi4py import MPI
-
+    from mp2a.mpi import MPI
     from mp2a.simulator.ranks import perform
 
     comm = MPI.COMM_WORLD

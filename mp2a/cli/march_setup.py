@@ -10,13 +10,12 @@ import numpy as np
 from mp2a.exceptions import InputError
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from mp2a.formation import Formation, Path
     from mp2a.formation.choreography.scenario import Scenario
     from mp2a.formation.exchange import Exchange
     from mp2a.formation.robot_models import RobotModel
     from mp2a.model import Model
+    from mp2a.mpi import MPI
     from mp2a.simulator.dance import Dance
     from mp2a.simulator.marchers import Marchers
     from mp2a.spatial import Array

@@ -1,7 +1,6 @@
 """What the subcommands share: options, how to read them, progress, being a rank."""
 
 import argparse
-import os
 import traceback
 from collections.abc import Callable
 from typing import Any
@@ -29,18 +28,12 @@ def command(
     return parser
 
 
-def under_mpirun() -> bool:
-    """Whether this process is a rank that some launcher started."""
-    return any(name in os.environ for name in ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK", "PMI_RANK"))
-
-
 def as_rank(run: Callable[[argparse.Namespace], None], options: argparse.Namespace) -> None:
     """Run a rank's part; what goes wrong on one rank alone ends all, since the others would wait for it."""
-    from mpi4py import MPI
+    from mp2a.cores import restore_timer_slack
+    from mp2a.mpi import MPI
 
-    from mp2a.cores import settle
-
-    settle()
+    restore_timer_slack()
     try:
         run(options)
     except (InputError, DependencyError):

@@ -4,8 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from mp2a.cli.options import add_run_options, as_rank, command, positive, progress, under_mpirun
+from mp2a.cli.options import add_run_options, as_rank, command, positive, progress
 from mp2a.exceptions import InputError
+from mp2a.mpi_environment import under_mpi
 
 
 def add(commands: Any) -> None:
@@ -24,7 +25,7 @@ def add(commands: Any) -> None:
 
 
 def _trace(options: argparse.Namespace) -> None:
-    if under_mpirun():
+    if under_mpi():
         if options.ranks is not None:
             raise InputError("--ranks: given under mpirun, expected one or the other")
         as_rank(_trace_here, options)

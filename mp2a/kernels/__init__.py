@@ -15,7 +15,8 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.kernels.library import Run, UnavailableError, obtain, under_mpi
+from mp2a.kernels.library import Run, UnavailableError, obtain
+from mp2a.mpi_environment import under_mpi
 from mp2a.spatial import Array, force_to_parent
 
 

@@ -183,7 +183,7 @@ def _run(
 
 def _threads(asked: int | None, work: int, chunks: int) -> int:
     if asked is None:
-        asked = min(cores.share(), work // _WORTH_A_THREAD) if work >= 2 * _WORTH_A_THREAD else 1
+        asked = min(cores.threads_per_rank(), work // _WORTH_A_THREAD) if work >= 2 * _WORTH_A_THREAD else 1
     return max(1, min(asked, chunks))
 
 

@@ -57,18 +57,12 @@ CPU_FEATURES = "MP2A_CPU_FEATURES"
 """Environment variable with changes to the processor's features, in LLVM's words: ``-avx512f`` for kernels as a
 processor without AVX-512 would have them, ``-sse3`` for those of any x86-64."""
 
-_RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK")
 _POLL = 0.05
 _FAILURE_HOLDS = 600.0
 
 
 class UnavailableError(Exception):
     """There are no compiled kernels, for the reason the message gives."""
-
-
-def under_mpi() -> bool:
-    """Tell whether this process is one of the ranks an MPI launcher started."""
-    return any(name in os.environ for name in _RANK_VARIABLES)
 
 
 def obtain(*, patient: bool) -> tuple[Path, dict[str, Run]]:

@@ -141,7 +141,7 @@ class _Work(NamedTuple):
 
 def _prepare(model: Model, state: JointState, threads: int | None, *, bodies: bool) -> _Work:
     if threads is None:
-        threads = max(1, min(cores.share(), len(model) // _WORTH_A_THREAD))
+        threads = max(1, min(cores.threads_per_rank(), len(model) // _WORTH_A_THREAD))
     groups = max(threads, -(-len(model) // (_LANES * _LONGEST)))
     cut = _CUTS.get(model, (groups, bodies), lambda: _make_cut(model, groups, bodies))
     places = groups * _LANES * cut.length

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 from mp2a.robots.start import PERIOD, Start
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
+    from mp2a.mpi import MPI
 
 _TAG = 77
 

@@ -18,7 +18,7 @@ from mp2a.robots.robots_file import RobotsFile
 from mp2a.robots.start import Start
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
+    from mp2a.mpi import MPI
 
 
 class Crew(NamedTuple):

@@ -11,7 +11,7 @@ from mp2a.simulator.simulation import Simulation
 from mp2a.spatial import Array
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
+    from mp2a.mpi import MPI
 
 
 class SimulatedPace:

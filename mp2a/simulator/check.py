@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
+from mp2a.dependencies import need
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography import check
 from mp2a.formation.choreography.findings import Finding
@@ -133,8 +134,7 @@ class _SimulatedRun:
         if not len(shapes):
             return
         poses, times = self.run.poses, self.run.time
-        import shapely
-
+        shapely = need("shapely", extra="formation", purpose="the simulator")
         everything = shapely.union_all(shapes)
         shapely.prepare(everything)
         for i, robot in enumerate(self._dance.robots):

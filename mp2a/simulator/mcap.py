@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mp2a.exceptions import DependencyError
+from mp2a.dependencies import need
 from mp2a.simulator.events import GOOD_NEWS
 from mp2a.simulator.recording import Recording
 from mp2a.spatial import Array
@@ -34,12 +34,9 @@ def write(recording: Recording, path: Path) -> None:
     DependencyError
         If foxglove-sdk is not installed.
     """
-    try:
-        import foxglove
-        from foxglove import channels, messages
-    except ImportError as error:
-        raise DependencyError("MCAP files need foxglove-sdk: pip install 'mp2a[record]'") from error
-
+    needed: dict[str, Any] = {"extra": "record", "package": "foxglove-sdk", "purpose": "an MCAP file"}
+    foxglove, channels = (need(module, **needed) for module in ("foxglove", "foxglove.channels"))
+    messages = need("foxglove.messages", **needed)
     context = foxglove.Context()
     n, gaps = len(recording.models), recording.gaps
     frames = [f"robot_{i + 1}" for i in range(n)]

@@ -7,9 +7,9 @@ Robots tell each other nothing by it.
 from collections.abc import Callable
 
 import numpy as np
-from mpi4py import MPI
 
 from mp2a.exceptions import InputError
+from mp2a.mpi import MPI
 from mp2a.simulator.driver import SimulationDriver
 from mp2a.simulator.loop import Controller
 from mp2a.simulator.observation import Observation

@@ -8,10 +8,10 @@ import time
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from mpi4py import MPI
 
-from mp2a.cores import settle
+from mp2a.cores import restore_timer_slack
 from mp2a.exceptions import InputError
+from mp2a.mpi import MPI
 from mp2a.network import EmulatedNetwork
 from mp2a.spatial import Array
 from mp2a.transport.wait import wait, wait_unless
@@ -76,7 +76,7 @@ class EmulatedLink:
     def __init__(self, comm: MPI.Intracomm, network: EmulatedNetwork) -> None:
         self.comm = comm
         self.network = network
-        settle()  # what comes early waits asleep, and no longer than it has to
+        restore_timer_slack()  # what comes early waits asleep, and no longer than it has to
 
     def send(self, data: Array, target: int, tag: int) -> MPI.Request:
         """See `Link`."""

@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from mpi4py import MPI
 
 from mp2a.exceptions import InputError
+from mp2a.mpi import MPI
 from mp2a.schedule import Round, Schedule
 from mp2a.spatial import Array
 from mp2a.transport.base import Arrival, Nodes

@@ -10,11 +10,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from mpi4py import MPI
 from numpy.typing import NDArray
 
 from mp2a import kernels
 from mp2a.cores import is_oversubscribed
+from mp2a.mpi import MPI
 from mp2a.schedule import Round
 from mp2a.spatial import Array
 from mp2a.transport.base import Arrival, Nodes

@@ -10,10 +10,10 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from mp2a.cores import is_oversubscribed, settle
+from mp2a.cores import is_oversubscribed, restore_timer_slack
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
+    from mp2a.mpi import MPI
 
 YIELDS = 20
 """How often a rank that shares its core yields before it sleeps."""
@@ -59,7 +59,7 @@ def wait_unless(request: "MPI.Request", hopeless: Callable[[], bool], longest_na
             os.sched_yield()
         else:
             if nap == _FIRST_NAP:
-                settle()  # or a rank that `mp2a.launch` started would oversleep by 10 ms
+                restore_timer_slack()  # or a rank that `mp2a.launch` started would oversleep by 10 ms
             time.sleep(nap)
             nap = min(_GROWTH * nap, most)
     return True

@@ -8,9 +8,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from mp2a.formation.choreography.scenario import Scenario
+    from mp2a.mpi import MPI
     from mp2a.robots.channel import Channel
     from mp2a.robots.interface import Pace, Robot
     from mp2a.robots.robots_file import RobotsFile
