@@ -14,8 +14,8 @@ MODULES = sorted(ROOT.rglob("*.py"))
 
 # From the bottom to the top; what is not named here stands above all of it.
 LAYERS = (
-    "exceptions", "dependencies", "mpi_environment", "mpi", "checks", "files", "cores", "network", "spatial", "se2",
-    "joints", "readers", "model", "validation", "joint_kinematics", "algebra", "kernels", "recursion", "schedule",
+    "exceptions", "dependencies", "mpi_environment", "mpi", "checks", "files", "file_kinds", "cores", "network", "spatial",
+    "se2", "joints", "readers", "model", "validation", "joint_kinematics", "algebra", "kernels", "recursion", "schedule",
     "transport", "methods", "dynamics", "distributed", "process_grid", "formation", "launch", "reference",
     "cost_model", "bench", "simulator", "robots", "plot", "cli",
 )  # fmt: skip
