@@ -34,7 +34,7 @@ def command(
 
 
 def as_rank(run: Callable[[argparse.Namespace], int | None], options: argparse.Namespace) -> int | None:
-    """Run a rank's part and return its exit status; what goes wrong on one rank alone ends all, for others would wait."""
+    """Run a rank's part and return its exit status; what goes wrong on one alone ends all, for others would wait."""
     from mp2a.cores import restore_timer_slack
     from mp2a.mpi import MPI
 
@@ -127,7 +127,9 @@ def read_scenario(path: Path, name: str = "FILE") -> str:
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{name}: {path} is {kind_of_file(path)}, expected a scenario, a text") from error
+        raise InputError(
+            f"{name}: {path} cannot be read as text: it is {kind_of_file(path)}, expected a scenario"
+        ) from error
 
 
 def robot_models(text: str) -> "RobotModel | dict[str, RobotModel]":
