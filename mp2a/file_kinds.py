@@ -1,5 +1,6 @@
 """What a file is, by how it begins: so that an error can name what was given where another kind was expected."""
 
+import codecs
 from pathlib import Path
 
 _BEGINS = (
@@ -13,7 +14,7 @@ _BEGINS = (
     (b"%PDF-", "a PDF document"),
     (b"\x7fELF", "a program"),
     (b"\x1f\x8b", "a gzip archive"),
-    (b"\x80", "a Python pickle"),
+    *((bytes((0x80, protocol)), "a Python pickle") for protocol in range(2, 6)),
 )
 _TEXTS = ((("{", "["), "a text, perhaps JSON"), (("<",), "a text, perhaps XML"))
 _ENOUGH = 4096  # bytes to look at
@@ -38,15 +39,15 @@ def kind_of_file(path: str | Path) -> str:
         return f"not readable ({getattr(error, 'strerror', None) or error})"
     if not begin:
         return "empty"
-    for magic, kind in _BEGINS:
-        if begin.startswith(magic):
-            return kind
+    return next((kind for magic, kind in _BEGINS if begin.startswith(magic)), None) or _kind_of_text(begin)
+
+
+def _kind_of_text(begin: bytes) -> str:
+    decoder = codecs.getincrementaldecoder("utf-8")()  # what was read may end within a letter
     try:
-        text = begin.decode("utf-8")
-    except UnicodeDecodeError as error:
-        if error.start < len(begin) - 3:  # no letter that the end of what was read has cut
-            return "of an unknown binary kind"
-        text = begin[: error.start].decode("utf-8")
+        text = decoder.decode(begin).lstrip()
+    except UnicodeDecodeError:
+        return "of an unknown binary kind"
     if "\x00" in text:
         return "of an unknown binary kind"
-    return next((kind for marks, kind in _TEXTS if text.lstrip().startswith(marks)), "a text")
+    return next((kind for marks, kind in _TEXTS if text.startswith(marks)), "a text")

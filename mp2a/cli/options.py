@@ -147,7 +147,9 @@ def read_scenario(path: Path, name: str = "FILE") -> str:
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{name}: {path} is {kind_of_file(path)}, expected a scenario, a text") from error
+        raise InputError(
+            f"{name}: {path} cannot be read as text: it is {kind_of_file(path)}, expected a scenario"
+        ) from error
 
 
 def robot_models(text: str) -> "RobotModel | dict[str, RobotModel]":

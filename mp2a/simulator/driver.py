@@ -30,7 +30,10 @@ class Ending(NamedTuple):
         """Join what the robots of all processes know, in the order of the robots."""
         places, over, errors, blocked = zip(*parts, strict=True)
         return cls(
-            np.concatenate(places), np.concatenate(over), tuple(e for own in errors for e in own), np.concatenate(blocked)
+            np.concatenate(places),
+            np.concatenate(over),
+            tuple(sum(errors, ())),
+            np.concatenate(blocked),
         )
 
 

@@ -113,7 +113,10 @@ def _cloud(messages: Any, points: Any, frame: str, stamp: int) -> Any:
 def _world(messages: Any, recording: Recording) -> Any:
     color = messages.Color(r=0.25, g=0.25, b=0.25, a=1.0)
     faint = messages.Color(r=0.25, g=0.25, b=0.25, a=0.4)
-    outlines = ("world", recording.world.lines, _HEIGHT / 2, color), ("leader paths", recording.leader_paths, 0.0, faint)
+    outlines = (
+        ("world", recording.world.lines, _HEIGHT / 2, color),
+        ("leader paths", recording.leader_paths, 0.0, faint),
+    )
     entities = []
     for name, lines, height, shade in outlines:
         strips = [

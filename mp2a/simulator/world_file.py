@@ -49,7 +49,9 @@ def read_world(path: str | Path) -> World:
     try:
         text = Path(path).read_bytes().decode("utf-8")
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: is {kind_of_file(path)}, expected a world file (TOML)") from error
+        raise InputError(
+            f"{path}: cannot be read as a world file: it is {kind_of_file(path)}, expected TOML"
+        ) from error
     return parse_world(text, str(path))
 
 
