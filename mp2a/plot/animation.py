@@ -36,7 +36,9 @@ _FASTER = (1, 2, 5, 10, 20, 50, 100)
 _DPI = 100
 _BLENDS = 64
 """Colours of a GIF beside those of the robots: what is drawn besides, and edges."""
-_SEEN: dict[str, Any] = {"linestyle": "none", "marker": ".", "color": "#d4002a", "alpha": 0.5, "zorder": 3}
+_ALIKE = 8  # of 255, to which a blend would stand for a colour that is there exactly
+_SEEN: dict[str, Any] = {"linestyle": "none", "marker": ".", "color": "#e9808f", "zorder": 3}
+"""How a point that a LIDAR sees is marked."""
 
 
 def save_animation(recording: Recording, path: str | Path, *, quiet: bool = False) -> Path:
@@ -97,11 +99,13 @@ def frame_ticks(times: Array) -> tuple[np.ndarray, int]:
 
 
 def _palette(frame: Image.Image, colors: list[str]) -> Image.Image:
-    """Make a palette of exactly the robots' colours, which are small areas that a general one would merge, and others."""
-    exact = (255 * np.array([to_rgb(color) for color in colors])).round().astype(int)[: 256 - _BLENDS]
-    blends = frame.quantize(_BLENDS).getpalette() or []
+    """Make a palette with exactly the robots' colours, whose small areas a general one would merge, and with others."""
+    named = ("white", INK, _SEEN["color"], *colors)
+    exact = (255 * np.array([to_rgb(color) for color in named])).round().astype(int)[: 256 - _BLENDS]
+    blends = np.array(frame.quantize(_BLENDS).getpalette()).reshape(-1, 3)[:_BLENDS]
+    apart = np.abs(blends[:, None] - exact).max(axis=-1).min(axis=-1) > _ALIKE
     out = Image.new("P", (1, 1))
-    out.putpalette([*exact.ravel().tolist(), *blends[: 3 * _BLENDS]])
+    out.putpalette(np.concatenate((exact, blends[apart])).ravel().tolist())
     return out
 
 
@@ -121,7 +125,7 @@ def _frames(recording: Recording, quiet: bool) -> Iterator[Image.Image]:
     for collection in (paths, bodies, noses):
         axes.add_collection(collection, autolim=False)
     clock = axes.set_title("", loc="right")
-    roles: list[Any] = write_roles(axes, recording, recording.poses[0, :, :2])
+    roles = write_roles(axes, recording, -1)
     symbols = {kind: axes.plot([], [], **event_symbol(kind))[0] for kind in event_kinds(recording)}
     moving: list[Any] = [seen, paths, bodies, noses, *roles, *symbols.values(), clock]
     for artist in moving:

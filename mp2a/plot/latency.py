@@ -47,8 +47,8 @@ def latency_figure(results: Mapping[str, Any]) -> Figure:
     Parameters
     ----------
     results
-        A results file of ``mp2a bench``, parsed. If its runs over emulated networks are all of one number of robots, every
-        contender is a row.
+        A results file of ``mp2a bench``, parsed. If its runs over emulated networks are all of one number of robots,
+        every contender is a row.
 
     Returns
     -------

@@ -65,7 +65,7 @@ def march_figure(recording: Recording) -> Figure:
             PolyCollection(bodies, facecolors=inside, edgecolors=edges, linewidths=thin, zorder=4 + last)
         )
         axes.add_collection(LineCollection(noses, colors=edges, linewidths=thin, zorder=4 + last))
-    write_roles(axes, recording, recording.poses[-1, :, :2])
+    write_roles(axes, recording, -1)
     for kind in event_kinds(recording):
         axes.plot(*event_places(recording, kind).T, gid=f"event {kind.value}", **event_symbol(kind))
     every = f"every {np.ptp(recording.times) / (len(ticks) - 1):.3g} s"

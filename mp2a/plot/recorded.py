@@ -1,6 +1,5 @@
 """What the pictures of a recording share: colours and names of robots, symbols of events, the ground with its world."""
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +10,9 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+from matplotlib.text import Text
+from matplotlib.transforms import ScaledTranslation
 
 from mp2a.exceptions import InputError
 from mp2a.plot.looks import FAINT, INK
@@ -44,6 +46,8 @@ _SAMPLES = 5  # of many robots, in a legend
 _MARGIN = 1.0  # m around what is shown
 _WIDTH, _TALLEST, _FLATTEST = 6.6, 6.6, 1.5  # inches; width of the figure, height of its panel
 _BESIDE, _ABOVE = 0.65, 0.75  # inches of labels and title beside and above a panel
+_POINTS = 72  # an inch
+_ROLE = 7  # points of the name of a robot
 
 
 class View(NamedTuple):
@@ -86,9 +90,9 @@ def robot_handles(recording: Recording) -> list[Artist]:
 def event_symbol(kind: EventKind) -> dict[str, Any]:
     """Return how an event of a kind is marked, as options of a line."""
     label, marker, color, filled = _SYMBOLS[kind]
-    inside, edge, wide = (color, "white", 0.8) if filled else ("white", color, 1.2)
+    inside, edge, wide = (color, "white", 0.6) if filled else ("white", color, 1.1)
     return {
-        "linestyle": "none", "marker": marker, "markersize": 8 if kind is EventKind.COLLISION else 6, "label": label,
+        "linestyle": "none", "marker": marker, "markersize": 8 if kind is EventKind.COLLISION else 6.5, "label": label,
         "markerfacecolor": inside, "markeredgecolor": edge, "markeredgewidth": wide, "zorder": 7,
     }  # fmt: skip
 
@@ -166,8 +170,8 @@ def outlines(recording: Recording, tick: int) -> tuple[list[Array], list[Array]]
     return list(rectangles(poses, lengths, widths)), list(noses)
 
 
-def write_roles(axes: Axes, recording: Recording, places: Sequence[Any]) -> list[Artist]:
-    """Write the names of robots on them, as large as they are; of robots that are too small for that only some.
+def write_roles(axes: Axes, recording: Recording, tick: int) -> list[Text]:
+    """Write the names of robots on them, or above them where they are small; of a dense crowd only some.
 
     Parameters
     ----------
@@ -175,23 +179,32 @@ def write_roles(axes: Axes, recording: Recording, places: Sequence[Any]) -> list
         A panel of `ground`.
     recording
         A run.
-    places
-        ``(n, 2)`` m: where the robots are.
+    tick
+        Its row, for which names are kept apart.
 
     Returns
     -------
-    list of Artist
-        A text for each robot, those without a name empty.
+    list of Text
+        A text for each robot, at its place; of robots without a name it is empty.
     """
-    wide = axes.get_xlim()[1] - axes.get_xlim()[0]
-    metre = 72 * (_WIDTH - _BESIDE) / wide  # points
-    size = min(model.width for model in recording.models) * metre / max(map(len, recording.roles)) * 1.3
-    every = max(1, int(np.ceil(4.5 / size)))
-    style: dict[str, Any] = {"fontweight": "bold", "ha": "center", "va": "center", "zorder": 6.5}
-    return [
-        axes.text(x, y, role if i % every == 0 else "", fontsize=float(np.clip(size, 4.5, 8)), color=INK, **style)
-        for i, (role, (x, y)) in enumerate(zip(recording.roles, places, strict=True))
-    ]
+    left, right = axes.get_xlim()
+    metre = _POINTS * (_WIDTH - _BESIDE) / (right - left)
+    place = recording.poses[tick, :, :2] * metre
+    lengths, widths = np.array([(model.length, model.width) for model in recording.models]).T * metre
+    wide = max(map(len, recording.roles)) * 0.75 * _ROLE  # points that a name takes
+    inside = bool(wide < widths.min())
+    above = 0.0 if inside else float(np.hypot(lengths, widths).max()) / 2 + 1
+    shift = axes.transData + ScaledTranslation(0, above / _POINTS, axes.figure.dpi_scale_trans)
+    style: dict[str, Any] = {"fontsize": _ROLE, "fontweight": "bold", "color": INK, "ha": "center", "zorder": 8}
+    written: list[int] = []
+    out = []
+    for i, (x, y) in enumerate(recording.poses[tick, :, :2]):
+        free = (np.abs(place[written] - place[i]) > (wide, 1.1 * _ROLE)).any(axis=1).all()
+        written += [i] if free else []
+        text = axes.text(x, y, recording.roles[i] if free else "", transform=shift, **style)
+        text.set(va="center" if inside else "bottom", path_effects=[withStroke(linewidth=1.5, foreground="white")])
+        out.append(text)
+    return out
 
 
 def _view(recording: Recording) -> View:

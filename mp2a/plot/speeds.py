@@ -16,6 +16,8 @@ from mp2a.spatial import Array
 
 _WANTED: dict[str, Any] = {"linestyle": (0, (5, 2)), "linewidth": 0.7}
 _DRIVEN_TOO = 3  # so many robots' real speeds fit in beside the commanded ones
+_SYMBOL = 0.025  # of the time axis, that a symbol takes
+_ROWS = 4  # of symbols of events at most, one above another
 _FEW = 8  # robots whose lines may be thick
 _LEAST = 0.02
 """m, m/s and rad/s that a panel spans at least, so that rounding does not fill it."""
@@ -72,8 +74,8 @@ def speeds_figure(recording: Recording) -> Figure:
         low, high = axes.get_ylim()
         if high - low < _LEAST:
             axes.set_ylim((low + high - _LEAST) / 2, (low + high + _LEAST) / 2)
-    _events(panels, recording, colors)
-    panels[0].set_title(title(recording), loc="left", pad=12 if recording.events else None)
+    above = _events(panels, recording, colors)
+    panels[0].set_title(title(recording), loc="left", pad=6 + 8 * above)
     panels[-1].set_xlabel("time (s)")
     figure.align_ylabels()
     groups = [("robot", robot_handles(recording)), ("line", _lines(n, led)), ("event", event_handles(recording))]
@@ -98,13 +100,19 @@ def _leaders(axes: Axes, recording: Recording, colors: list[str], thick: float) 
     axes.set_ylabel(f"distance to the\n{what} (m)")
 
 
-def _events(panels: list[Axes], recording: Recording, colors: list[str]) -> None:
-    """Mark events by their symbols above the first panel, and by lines in the robots' colours through all."""
+def _events(panels: list[Axes], recording: Recording, colors: list[str]) -> int:
+    """Mark events by lines in the robots' colours, and by symbols above the first panel; return how many rows of them."""
+    near = _SYMBOL * np.ptp(recording.times)
+    ends: list[float] = []  # of the rows of symbols, from the lowest
     for event in recording.events:
         for axes in panels:
             axes.axvline(event.time, color=colors[event.robot], linewidth=0.7, alpha=0.6, zorder=1)
-        above = panels[0].plot(event.time, 1.04, transform=panels[0].get_xaxis_transform(), **event_symbol(event.kind))
+        row = next((k for k, end in enumerate(ends) if event.time >= end), min(len(ends), _ROWS - 1))
+        ends[row : row + 1] = [event.time + near]
+        place = 1.05 + 0.08 * row
+        above = panels[0].plot(event.time, place, transform=panels[0].get_xaxis_transform(), **event_symbol(event.kind))
         above[0].set(clip_on=False, gid=f"event {event.kind.value}")
+    return len(ends)
 
 
 def _lines(n: int, led: bool) -> list[Artist]:

@@ -90,7 +90,7 @@ def speedup_figure(results: Mapping[str, Any], against: str = PIPELINE) -> Figur
     Parameters
     ----------
     results
-        A results file of ``mp2a bench``, parsed. If its last runs are all of one number of robots, every curve is a row.
+        A results file of ``mp2a bench``, parsed. If it is about one number of robots, every curve is a row.
     against
         The contender whose times are divided by ours, "pipeline" or "pinocchio" for instance.
 
@@ -148,16 +148,14 @@ _END = "S and $\\mathbf{{f_p}}$ at n = {n}"
 
 def _curves(results: Mapping[str, Any], against: str, grain: str) -> list[Curve]:
     out = []
-    for source in _LINES:
+    for source, dashes in _LINES.items():
         for who in OURS:
             line = speedups(results, against, grain, source, who)
             if len(line.n):
                 shape = look(who) if source == "measured" else look(who)._replace(marker="x")
                 numbers = [_number(*pair) for pair in zip(line.speedup, line.parallel_part, strict=True)]
                 name, group = f"{source} {who}", _GROUPS[source]
-                out.append(
-                    Curve(name, group, shape, _LINES[source], line.n, line.speedup, line.oversubscribed, numbers)
-                )
+                out.append(Curve(name, group, shape, dashes, line.n, line.speedup, line.oversubscribed, numbers))
     return out
 
 

@@ -1,6 +1,6 @@
 """The paper's figure 9: the time that a whole trajectory takes, over the number of robots."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -49,7 +49,7 @@ def time_figure(results: Mapping[str, Any], period: float = 0.01) -> Figure:
     Parameters
     ----------
     results
-        A results file of ``mp2a bench``, parsed. If its last runs are all of one number of robots, every curve is a row.
+        A results file of ``mp2a bench``, parsed. If it is about one number of robots, every curve is a row.
     period
         Control period in seconds: below samples × period the formation is computed in real time.
 
@@ -103,24 +103,28 @@ def _curves(results: Mapping[str, Any], grain: str) -> list[Curve]:
     out = []
     for source in SOURCES:
         for who in contenders(results, source):
-            line = series(results, source, who, grain)
-            if len(line.n):
-                shape = look(who)._replace(marker=_MARKS.get(source, look(who).marker))
-                name, seconds = f"{source} {who}", line.seconds * sample_count(results)
-                out.append(_curve(name, _GROUPS[source], shape, _LINES[source], line.n, seconds, line.oversubscribed))
+            n, seconds, shared = series(results, source, who, grain)
+            times, shape = (
+                seconds * sample_count(results),
+                look(who)._replace(marker=_MARKS.get(source, look(who).marker)),
+            )
+            if len(n):
+                name = f"{source} {who}"
+                out.append(Curve(name, _GROUPS[source], shape, _LINES[source], n, times, shared, in_seconds(times)))
     return out
 
 
 def _paper(count: int) -> list[Curve]:
-    n, alone = np.array([PAPER_ROBOTS]), np.array([False])
-    return [
-        _curve(f"paper {who}", "paper", shape, "none", n, np.array([seconds * count / PAPER_SAMPLES]), alone)
-        for who, seconds, shape in _PAPER
-    ]
+    out = []
+    for who, seconds, shape in _PAPER:
+        n, times = np.array([PAPER_ROBOTS]), np.array([seconds * count / PAPER_SAMPLES])
+        out.append(Curve(f"paper {who}", "paper", shape, "none", n, times, np.array([False]), in_seconds(times)))
+    return out
 
 
-def _curve(name: str, group: str, shape: Look, line: Dashes, n: Any, seconds: Any, hollow: Any) -> Curve:
-    return Curve(name, group, shape, line, n, seconds, hollow, in_seconds(seconds))
+def _per_sample(count: int) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Return how an axis of seconds for a trajectory becomes one of seconds for a sample, and back."""
+    return lambda seconds: seconds / count, lambda seconds: seconds * count
 
 
 def _lines(panels: Mapping[str, list[Curve]], what: str, count: int, real: float, sizes: list[int]) -> Figure:
@@ -134,7 +138,7 @@ def _lines(panels: Mapping[str, list[Curve]], what: str, count: int, real: float
     drawn[0].set_ylabel(what)
     if count > 1:
         low, high = drawn[-1].get_ylim()
-        right = drawn[-1].secondary_yaxis("right", functions=(lambda t: t / count, lambda t: t * count))
+        right = drawn[-1].secondary_yaxis("right", functions=_per_sample(count))
         log_axis(right.yaxis, "s", (low / count, high / count))
         right.set_ylabel("time per sample")
         if len(panels) > 1:
@@ -162,7 +166,7 @@ def _rows(panels: Mapping[str, list[Curve]], what: str, count: int, real: float)
         axes.set_xlabel(what)
         if count > 1:
             low, high = axes.get_xlim()
-            top = axes.secondary_xaxis("top", functions=(lambda t: t / count, lambda t: t * count))
+            top = axes.secondary_xaxis("top", functions=_per_sample(count))
             log_axis(top.xaxis, "s", (low / count, high / count))
             top.set_xlabel("time per sample")
     return figure
