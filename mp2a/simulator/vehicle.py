@@ -1,4 +1,4 @@
-"""How a skid-steer robot answers to a velocity command: slip, limited acceleration, and arcs."""
+"""How a skid-steer robot answers to a velocity command: slip and limited acceleration."""
 
 from typing import NamedTuple
 
@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from mp2a.checks import positive
 from mp2a.exceptions import InputError
+from mp2a.se2 import compose, drive
 from mp2a.spatial import Array
 
 
@@ -77,24 +78,6 @@ def respond(twists: Array, targets: Array, most: Array, dt: float) -> Response:
     return Response(((twists + end) / 2 * time + end * (dt - time)) / dt, end)
 
 
-def arc(poses: Array, twists: Array, dt: float | Array) -> Array:
-    """Drive arcs of constant speed and turn rate, without error.
-
-    Parameters
-    ----------
-    poses
-        ``(n, 3)`` m, m, rad in the ground frame.
-    twists
-        ``(n, 2)`` m/s and rad/s.
-    dt
-        s, for all or ``(n,)``.
-
-    Returns
-    -------
-    ndarray
-        ``(n, 3)`` poses afterwards; headings are not wrapped.
-    """
-    half = twists[:, 1] * dt / 2
-    chord = twists[:, 0] * dt * np.sinc(half / np.pi)
-    direction = poses[:, 2] + half
-    return poses + np.stack((chord * np.cos(direction), chord * np.sin(direction), 2 * half), axis=-1)
+def move(poses: Array, twists: Array, dt: float | Array) -> Array:
+    """Return the poses ``(n, 3)`` after arcs of constant twists ``(n, 2)`` for ``dt`` s, one for all or ``(n,)``."""
+    return compose(poses, drive(twists, dt))
