@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography.check import demo
-from mp2a.formation.choreography.places import places
+from mp2a.formation.choreography.slots import slots
 from mp2a.formation.choreography.program import CIRCLE, MEET, MOVE, SHAPE, compile_program
 from mp2a.formation.choreography.reading import mistakes, parse
 from mp2a.formation.choreography.scenario import Circle, Group, Move, NewLeader, Scenario, Shape, format

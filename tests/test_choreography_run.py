@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography import follower, leader
-from mp2a.formation.choreography.constants import TARGET_AHEAD, TARGET_TOLERANCE, TICK, WAYPOINT_TOLERANCE
+from mp2a.formation.constants import TARGET_AHEAD, TARGET_TOLERANCE, TICK, WAYPOINT_TOLERANCE
 from mp2a.formation.choreography.ideal import drive, run
 from mp2a.formation.choreography.places import arc, compose, seen_from, wrap
 from mp2a.formation.choreography.program import CIRCLE, MOVE, compile_program

@@ -11,7 +11,7 @@ from shapely import affinity
 
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography import fellows, follower
-from mp2a.formation.choreography.constants import (
+from mp2a.formation.constants import (
     CELL,
     CELL_FORCE,
     STOP_DISTANCE,

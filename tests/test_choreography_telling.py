@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography import leader
-from mp2a.formation.choreography.constants import TICK
+from mp2a.formation.constants import TICK
 from mp2a.formation.choreography.ideal import run
 from mp2a.formation.choreography.places import arc, compose
 from mp2a.formation.choreography.program import compile_program
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
-from mp2a.formation.choreography.telling import parts, planar_chain, tell
-from mp2a.formation.exchange import OneProcess
+from mp2a.formation.choreography.leader_broadcast import parts, planar_chain, tell
+from mp2a.formation.exchange import LocalExchange
 from mp2a.formation.robot_models import HUSKY, TRADR
 from mp2a.methods import METHODS
 
@@ -27,7 +27,7 @@ LISTINGS = {
 
 def told(text, model, method="sweep"):
     scenario = parse(text)
-    return Choreography(scenario, model, exchange=OneProcess(planar_chain(len(scenario.robots)), method))
+    return Choreography(scenario, model, exchange=LocalExchange(planar_chain(len(scenario.robots)), method))
 
 
 @pytest.mark.parametrize("name", LISTINGS)
@@ -100,7 +100,7 @@ def test_any_motion_arrives_whatever_places_were_told_before(seed, name):
     twist[found.leader == 0] = 0.0
     course = leader.Leaders(pose, twist, step, found.places[np.arange(n), step])
     before = course._replace(pose=np.zeros((n, 3)), place=rng.normal(size=(n, 2)))
-    got = tell(OneProcess(planar_chain(n)), found, before, course)
+    got = tell(LocalExchange(planar_chain(n)), found, before, course)
     np.testing.assert_allclose(got.pose[:, :2], pose[:, :2], atol=1e-10)
     np.testing.assert_allclose(np.exp(1j * got.pose[:, 2]), np.exp(1j * pose[:, 2]), atol=1e-12)
     np.testing.assert_allclose(got.twist, twist, atol=1e-12)
@@ -112,7 +112,7 @@ def test_any_motion_arrives_whatever_places_were_told_before(seed, name):
 def test_what_is_wrong_goes_to_all_before_it_is_raised():
     """A wrong argument is an error of the scan, if one is due."""
 
-    class Listening(OneProcess):
+    class Listening(LocalExchange):
         heard = ()
 
         def run(self, joints, external, wrong):

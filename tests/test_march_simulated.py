@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mp2a.exceptions import InputError
-from mp2a.formation import Formation, Limits, March, waypoints
+from mp2a.formation import Formation, Limits, FormationController, waypoints
 from mp2a.formation.choreography import follower
 from mp2a.formation.choreography.ideal import run as ideal_run
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
-from mp2a.formation.odometry import Odometry, into_frame, onto_ground
+from mp2a.formation.pose_history import Odometry, into_frame, onto_ground
 from mp2a.formation.robot_models import HUSKY, TRADR
 from mp2a.formation.tracking import commands
 from mp2a.plot.speeds import speeds_figure
@@ -37,7 +37,7 @@ def dance(text, model=HUSKY, world=ROOM, until=120.0, change=None, after=0.0):
 def march(shape, n, obstacles=(), until=25.0, change=None, spacing=2.0, path=PATH):
     formation = Formation.of(shape, n, spacing)
     simulation = Simulation(World([], obstacles), HUSKY, formation.layout.poses(np.zeros(3)))
-    march_ = March(formation, path)
+    march_ = FormationController(formation, path)
     return march_, *drive(simulation, Marchers(march_, HUSKY), until, change)
 
 
@@ -342,7 +342,7 @@ ENTRIES = st.builds(
 @settings(max_examples=40, deadline=None)
 def test_a_march_in_any_world_is_a_run_or_a_clear_error(entries, shape):
     formation = Formation.of(shape, 3)
-    robots = Marchers(March(formation, PATH), HUSKY)
+    robots = Marchers(FormationController(formation, PATH), HUSKY)
     try:
         world = parse_world("\n".join(entries))
         simulation = Simulation(world, HUSKY, formation.layout.poses(np.zeros(3)))

@@ -95,7 +95,7 @@ def _march(options: argparse.Namespace) -> None:
 
 
 def _march_here(options: argparse.Namespace) -> None:
-    """March as one rank of a running mpirun; rank 0 has the world, too."""
+    """FormationController as one rank of a running mpirun; rank 0 has the world, too."""
     from mp2a.mpi import MPI
     from mp2a.simulator.ranks import perform
 

@@ -43,7 +43,7 @@ class Danced(NamedTuple):
     def robots(self, comm: "MPI.Intracomm | None") -> "Iterator[Dance]":
         """Tie the robots here to the others by the scan, which tells them where their leaders are."""
         from mp2a.formation.choreography.runner import Choreography
-        from mp2a.formation.choreography.telling import planar_chain
+        from mp2a.formation.choreography.leader_broadcast import planar_chain
         from mp2a.simulator.dance import Dance
 
         models = dict(zip(self.scenario.robots, self.models, strict=True))
@@ -65,11 +65,11 @@ class Marched(NamedTuple):
     @contextmanager
     def robots(self, comm: "MPI.Intracomm | None") -> "Iterator[Marchers]":
         """Tie the robots here to the others by the scan."""
-        from mp2a.formation.march import March
+        from mp2a.formation.controller import FormationController
         from mp2a.simulator.marchers import Marchers
 
         with _exchange(comm, self.formation.model, self.method) as exchange:
-            yield Marchers(March(self.formation, self.path, exchange), self.models[0])
+            yield Marchers(FormationController(self.formation, self.path, exchange), self.models[0])
 
 
 Plan = Danced | Marched
@@ -79,15 +79,15 @@ Plan = Danced | Marched
 def _exchange(comm: "MPI.Intracomm | None", model: "Model", method: str) -> "Iterator[Exchange]":
     """All robots here, or one a rank."""
     if comm is None:
-        from mp2a.formation.exchange import OneProcess
+        from mp2a.formation.exchange import LocalExchange
 
-        yield OneProcess(model, method)
+        yield LocalExchange(model, method)
         return
     from mp2a.distributed import DistributedModel
-    from mp2a.formation.ranks import OverRanks
+    from mp2a.formation.exchange import MPIExchange
 
     with DistributedModel(comm, model, method) as ranks:
-        yield OverRanks(ranks)
+        yield MPIExchange(ranks)
 
 
 def danced(options: argparse.Namespace) -> Danced:
@@ -109,7 +109,7 @@ def marched(options: argparse.Namespace, ranks: int | None) -> Marched:
     """Lay out a march by dynamics; its path is for the leader's process alone."""
     from mp2a.cli.check import robots
     from mp2a.formation import Formation, Limits, spline, waypoints
-    from mp2a.formation.choreography.constants import LEADER_SPEED_SHARE
+    from mp2a.formation.constants import LEADER_SPEED_SHARE
     from mp2a.formation.robot_models import RobotModel
 
     model = robots(options.robots)

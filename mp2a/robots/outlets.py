@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mp2a.formation.choreography import obstacles
-from mp2a.formation.choreography.constants import WINDOW
+from mp2a.formation.constants import WINDOW
 from mp2a.robots import cloud
 from mp2a.robots.sender import Sender
 from mp2a.robots.sound import sound_numbers

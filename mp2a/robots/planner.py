@@ -8,7 +8,7 @@ from mp2a.exceptions import InputError
 from mp2a.formation.choreography import follower
 from mp2a.formation.choreography.places import compose
 from mp2a.formation.choreography.runner import Choreography
-from mp2a.formation.odometry import Odometry, into_frame, onto_ground
+from mp2a.formation.pose_history import Odometry, into_frame, onto_ground
 from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.spatial import Array
 

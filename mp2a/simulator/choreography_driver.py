@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mp2a.formation.choreography.constants import CATCH_UP, LOST_POSES, TICK
+from mp2a.formation.constants import CATCH_UP, LOST_POSES, TICK
 from mp2a.formation.choreography.follower import lanes
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.se2 import act_inverse

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.formation.odometry import Odometry
+from mp2a.formation.pose_history import Odometry
 from mp2a.se2 import act
 from mp2a.simulator.events import RobotEvent, StateChanges
 from mp2a.simulator.observation import Observation

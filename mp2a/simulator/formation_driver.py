@@ -6,8 +6,8 @@ import numpy as np
 
 from mp2a.formation import tracking
 from mp2a.formation.choreography import obstacles
-from mp2a.formation.march import March
-from mp2a.formation.odometry import Odometry
+from mp2a.formation.controller import FormationController
+from mp2a.formation.pose_history import Odometry
 from mp2a.formation.record import Record, row
 from mp2a.formation.robot_models import RobotModel
 from mp2a.formation.sensing import pack
@@ -43,7 +43,7 @@ class FormationSimulationDriver(SimulationDriver):
         The model of all robots.
     """
 
-    def __init__(self, march: March, model: RobotModel) -> None:
+    def __init__(self, march: FormationController, model: RobotModel) -> None:
         self.march = march
         super().__init__(march.exchange.robots)
         self._model = model

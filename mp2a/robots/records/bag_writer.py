@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from mp2a.exceptions import DependencyError
-from mp2a.formation.choreography.constants import HIGHEST, LOWEST
+from mp2a.formation.constants import HIGHEST, LOWEST
 from mp2a.robots.records.bag_topics import topics
 from mp2a.robots.steps import BEGINS, Step, events
 from mp2a.robots.table import RobotInterface
