@@ -300,7 +300,7 @@ class FormationController:
         return np.where(failed[:, None], 0.0, force), contact
 
     def _from_path(self, points: Array, robot: NDArray[np.intp]) -> tuple[NDArray[np.complex128], NDArray[np.intp]]:
-        """Return points as seen along the robots' paths. What lies beyond a predecessor is the predecessor's to mind."""
+        """Return points as seen along the paths; what lies beyond a predecessor is for the predecessor to mind."""
         straight = as_complex(rotate(self.state.displacement.value[robot, 2], points))
         if not self.formation.layout.follows:
             return straight, robot

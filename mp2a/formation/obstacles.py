@@ -120,9 +120,10 @@ def push(law: ObstacleLaw, points: Complex, robot: NDArray[np.intp], aside: Arra
 
 
 def _sides(law: ObstacleLaw, points: Complex, robot: NDArray[np.intp], level: Array) -> NDArray[np.bool_]:
-    """Return which points count as on the left: those of an obstacle across the path all on the side that has more of it.
+    """Return which points count as on the left.
 
-    Points in the order in which a robot sees them are one obstacle until there is a gap that the robot fits through.
+    Those of an obstacle across the path all count as on the side that has more of it. Points in the order in which a
+    robot sees them are one obstacle until there is a gap that the robot fits through.
     """
     left: NDArray[np.bool_] = points.imag > _TIE
     near = np.flatnonzero(level > 0)

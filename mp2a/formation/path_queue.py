@@ -187,7 +187,7 @@ def follow(queues: PathQueues, spacing: Array, tick: float) -> tuple[PlanarMotio
 def _cubic(
     first: Complex, second: Complex, start: Complex, end: Complex, length: Array, share: Array
 ) -> tuple[Complex, Complex, Complex, Complex]:
-    """Return the cubic between two places with given directions at a share of its length, and its derivatives by arc length."""
+    """Return the cubic between two places with directions, and its derivatives by arc length, at a share of it."""
     f, way = share, (second - first) / length
     a, b, c = start, 3 * way - 2 * start - end, start + end - 2 * way
     place = first + length * f * (a + f * (b + f * c))

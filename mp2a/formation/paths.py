@@ -64,7 +64,7 @@ class Path:
         return float(self.profile.time[-1])
 
     def at(self, time: float) -> PlanarMotion:
-        """Return the motion at a time in s: pose, velocity and rate, ``(3,)`` each; before the start and after the end at rest."""
+        """Return the motion ``(3,)`` at a time in s; before the start and after the end at rest."""
         arc, speed, acceleration = self.profile.at(time)
         place = self.curve(arc)
         turning = place.bending * speed**2 + place.curvature * acceleration

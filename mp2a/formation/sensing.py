@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mp2a.checks import array
+from mp2a.checks import array, numbers
 from mp2a.exceptions import InputError
 from mp2a.se2 import rotate
 from mp2a.spatial import Array
@@ -23,18 +23,23 @@ class SensedPoints(NamedTuple):
     """``(m,)``: whether the sensor said anything; no points from one that did means that nothing is near"""
 
 
-def pack(points: Sequence[ArrayLike | None]) -> SensedPoints:
+def pack(points: Sequence[ArrayLike | None], robots: int | None = None) -> SensedPoints:
     """Pack one array ``(k, 2)`` a robot; None for a sensor that has said nothing.
 
     Raises
     ------
     InputError
-        If one of them is not ``(k, 2)`` finite numbers.
+        If one of them is not ``(k, 2)`` numbers, or there is not one entry for each of so many ``robots``.
     """
-    clouds = [
-        np.empty((0, 2)) if cloud is None or np.size(cloud) == 0 else array(f"points of robot {i}", cloud, (None, 2))
-        for i, cloud in enumerate(points)
-    ]
+    if robots is not None and len(points) != robots:
+        raise InputError(f"points: got {len(points)} entries, expected {robots}, one a robot (None: no new data)")
+    clouds = []
+    for i, cloud in enumerate(points):
+        given = np.empty((0, 2)) if cloud is None else numbers(f"points[{i}]", cloud)
+        given = given.reshape(-1, 2) if given.size == 0 else given
+        if given.ndim != 2 or given.shape[1] != 2:
+            raise InputError(f"points[{i}]: got shape {given.shape}, expected (k, 2)")
+        clouds.append(given)
     owners = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
     heard = np.array([cloud is not None for cloud in points], dtype=bool)
     return SensedPoints(np.concatenate(clouds) if clouds else np.empty((0, 2)), owners, heard)
@@ -100,7 +105,7 @@ class Discs:
         return SensedPoints(points, robot, np.ones(len(poses), dtype=bool))
 
     def clearance(self, poses: Array) -> Array:
-        """Return the distance of each of ``(..., 3)`` poses from the nearest disc's edge, ``(...,)``, m; inside it negative."""
+        """Return the distance of ``(..., 3)`` poses from the nearest disc's edge, ``(...,)``, m; inside it negative."""
         distance = np.hypot(*np.moveaxis(self.discs[:, :2] - poses[..., None, :2], -1, 0))
         out: Array = np.min(distance - self.discs[:, 2], axis=-1, initial=np.inf)
         return out

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mp2a.checks import count
 from mp2a.exceptions import InputError
-from mp2a.formation.vectors import Complex, as_complex, as_vectors
+from mp2a.formation.vectors import as_complex, as_vectors
 from mp2a.se2 import compose
 from mp2a.spatial import Array
 
@@ -118,7 +118,7 @@ def layout(shape: str, n: int, spacing: float) -> Layout:
     return SHAPES[shape](count("robots", n), float(spacing))
 
 
-def rigid(parents: NDArray[np.intp], positions: Complex) -> Layout:
+def rigid(parents: NDArray[np.intp], positions: NDArray[np.complexfloating]) -> Layout:
     """Return the layout of robots that keep their slots, all with the leader's heading.
 
     Parameters

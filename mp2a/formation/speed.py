@@ -49,7 +49,7 @@ class SpeedProfile(NamedTuple):
     """m/s"""
 
     def at(self, time: float) -> tuple[float, float, float]:
-        """Return arc length m, speed m/s and acceleration m/s² at a time; at rest before the first knot and after the last."""
+        """Return arc length m, speed m/s and acceleration m/s² at a time; at rest before and after."""
         if not 0 <= time < self.time[-1]:
             return float(self.arc[0 if time < 0 else -1]), 0.0, 0.0
         i = int(np.searchsorted(self.time, time, side="right")) - 1

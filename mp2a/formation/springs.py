@@ -77,7 +77,7 @@ class Displacement(NamedTuple):
 
 
 class SpringSolution(NamedTuple):
-    """The exact solution of a tick: what the state before and the force contribute to the state after, ``(3,)`` each."""
+    """The exact solution of a tick: what the state before contributes to the state after, ``(3,)`` each."""
 
     stay: Array
     """Value's part of the value."""
@@ -146,7 +146,7 @@ def energy(springs: Springs, now: Displacement) -> Array:
 
 
 def joint(now: Displacement) -> PlanarMotion:
-    """Return the motion of displaced joints, ``(..., 3)`` each: rates of a place in fixed axes, as they are in its own."""
+    """Return the motion of displaced joints, ``(..., 3)`` each, in their own axes."""
     angle, spin = now.value[..., 2], now.rate[..., 2:]
     velocity, pull = (rotate(-angle, x[..., :2]) for x in (now.rate, now.acceleration))
     left = np.stack((-velocity[..., 1], velocity[..., 0]), axis=-1)
