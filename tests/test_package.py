@@ -14,9 +14,9 @@ MODULES = sorted(ROOT.rglob("*.py"))
 
 # From the bottom to the top; what is not named here stands above all of it.
 LAYERS = (
-    "exceptions", "dependencies", "mpi_environment", "mpi", "checks", "files", "cores", "network", "spatial", "se2",
-    "joints", "readers", "model", "validation", "joint_kinematics", "algebra", "kernels", "recursion", "schedule",
-    "transport", "methods", "dynamics", "distributed", "process_grid", "formation", "launch", "reference",
+    "exceptions", "dependencies", "mpi_environment", "mpi", "checks", "files", "file_kinds", "cores", "network",
+    "spatial", "se2", "joints", "readers", "model", "validation", "joint_kinematics", "algebra", "kernels", "recursion",
+    "schedule", "transport", "methods", "dynamics", "distributed", "process_grid", "formation", "launch", "reference",
     "cost_model", "bench", "simulator", "robots", "plot", "cli",
 )  # fmt: skip
 NOT_ON_A_RANK = (
@@ -65,7 +65,7 @@ def loaded_by(statement):
         "import mp2a; mp2a.Model.uniform(4).random_state(body=2); mp2a.InputError; mp2a.InverseDynamics",
         "import mp2a; c = mp2a.Model.uniform(4); mp2a.rnea(c, *c.random_state(), method='kogge-stone')",
         "import mp2a.distributed",
-        "import mp2a.simulator.ranks; from mp2a.simulator import Dance, Marchers, Observation",
+        "import mp2a.simulator, mp2a.simulator.ranks, mp2a.simulator.outcomes",
         "import mp2a, mp2a.formation.robot_models",
         "from mp2a.formation import *; FormationController(Formation.of('line', 3), waypoints([[0, 0], [1, 0]])).step()",
         "from mpi4py import MPI; import mp2a; c = mp2a.Model.uniform(1)\n"

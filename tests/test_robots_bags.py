@@ -28,7 +28,7 @@ from mp2a.robots.records.recorded import RecordedRobot
 from mp2a.robots.robots_file import within
 from mp2a.robots.steps import BEGINS, Step, events
 from mp2a.robots.table import INTERFACES
-from mp2a.simulator import Recorder, Simulation, World
+from mp2a.simulator import RunRecorder, Simulation, World, save_recording
 
 SECOND = 1_000_000_000
 NUMBER = st.floats(-1e3, 1e3)
@@ -186,9 +186,9 @@ def good_bag(folder, bag="mcap", points=True):
 
 def test_files_that_are_no_bags_are_named(tmp_path):
     simulation = Simulation(World(), HUSKY, [[0, 0, 0]])
-    recorder = Recorder(simulation)
+    recorder = RunRecorder(simulation)
     recorder.add(simulation.sense(), None)
-    foxglove = recorder.recording().save(tmp_path / "run.mcap")
+    foxglove = save_recording(recorder.recording(), tmp_path / "run.mcap")
     (tmp_path / "text.bag").write_text("no bag")
     (tmp_path / "text.mcap").write_text("no bag")
     (tmp_path / "empty.db3").write_text("")

@@ -83,10 +83,10 @@ def _timeline(options: argparse.Namespace, out: Path) -> Path:
 
 def _recorded(options: argparse.Namespace, out: Path) -> Path:
     from mp2a import plot
-    from mp2a.simulator.recording import Recording
+    from mp2a.simulator.recording_file import load_recording
 
     draw = {"march": plot.march, "speeds": plot.speeds, "animation": plot.animation}[options.picture]
-    return draw(Recording.load(options.file), out)
+    return draw(load_recording(options.file), out)
 
 
 _PICTURES: dict[str, Callable[[argparse.Namespace, Path], Path]] = {

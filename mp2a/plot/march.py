@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 
 from mp2a.exceptions import InputError
 from mp2a.plot.style import FAINT, INK, canvas, legends, picture
-from mp2a.simulator.observation import Event
+from mp2a.simulator.events import RobotEvent
 from mp2a.simulator.recording import Recording
 from mp2a.simulator.world import World, rectangles
 from mp2a.spatial import Array
@@ -171,7 +171,7 @@ def outlines(recording: Recording, tick: int) -> tuple[list[Array], list[Array]]
     return list(rectangles(poses, lengths, widths)), list(noses)
 
 
-def places(events: Sequence[Event]) -> Array:
+def places(events: Sequence[RobotEvent]) -> Array:
     """Where events happened, ``(k, 2)`` m."""
     return np.array([event.place for event in events]).reshape(-1, 2)
 

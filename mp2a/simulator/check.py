@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from mp2a.dependencies import need
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography import check
 from mp2a.formation.choreography.findings import Finding
@@ -15,7 +14,7 @@ from mp2a.simulator.choreography_driver import ChoreographySimulationDriver
 from mp2a.simulator.events import EventKind
 from mp2a.simulator.simulation import Simulation
 from mp2a.simulator.vehicle import TurnSlip
-from mp2a.simulator.world import World, rectangles
+from mp2a.simulator.world import World, geometry, rectangles
 from mp2a.spatial import Array
 
 _TICK = 0.1
@@ -134,7 +133,7 @@ class _SimulatedRun:
         if not len(shapes):
             return
         poses, times = self.run.poses, self.run.time
-        shapely = need("shapely", extra="formation", purpose="the simulator")
+        shapely = geometry()
         everything = shapely.union_all(shapes)
         shapely.prepare(everything)
         for i, robot in enumerate(self._dance.robots):

@@ -5,11 +5,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.dependencies import need
 from mp2a.formation.constants import STOP_DISTANCE, STOP_SIDE
 from mp2a.se2 import compose
 from mp2a.simulator.vehicle import move
-from mp2a.simulator.world import World, rectangles
+from mp2a.simulator.world import World, geometry, rectangles
 from mp2a.spatial import Array
 
 _HALVINGS = 12
@@ -39,8 +38,7 @@ class Contacts:
     """
 
     def __init__(self, world: World, lengths: Array, widths: Array) -> None:
-        # Imported here, for ranks that are a robot alone have no geometry.
-        self._shapely = shapely = need("shapely", extra="formation", purpose="the simulator")
+        self._shapely = shapely = geometry()
         self._lengths, self._widths = lengths, widths
         self._shapes = world.shapes
         self._tree = shapely.STRtree(self._shapes)

@@ -1,5 +1,6 @@
 """What drives simulated robots: the part that a choreography and a march by dynamics share."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,17 @@ class Ending(NamedTuple):
     """What brought each into its error state; empty if it is not in it."""
     blocked: NDArray[np.intp]
     """``(m,)``: 1 if a stop signal keeps it from driving forwards, -1 backwards, 0 if none does."""
+
+    @classmethod
+    def of_all(cls, parts: "Sequence[Ending]") -> "Ending":
+        """Join what the robots of all processes know, in the order of the robots."""
+        places, over, errors, blocked = zip(*parts, strict=True)
+        return cls(
+            np.concatenate(places),
+            np.concatenate(over),
+            tuple(sum(errors, ())),
+            np.concatenate(blocked),
+        )
 
 
 class SimulationDriver:

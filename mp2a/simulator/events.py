@@ -66,7 +66,7 @@ class RobotEvent(NamedTuple):
 
 
 def numbered(n: int) -> tuple[str, ...]:
-    """Return the names of n robots that have no other ones: R1, R2, …"""
+    """Return R1, R2, …: the names of n robots that have no other ones."""
     return tuple(f"R{i + 1}" for i in range(n))
 
 

@@ -1,7 +1,7 @@
 """Recordings as MCAP files, which Foxglove opens: its own message types, written by its own library."""
 
+import io
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,15 +19,10 @@ _MOTION = ("speed", "turn_rate", "commanded_speed", "commanded_turn_rate", "lead
 _SCHEMA = {"type": "object", "title": "Motion", "properties": {name: {"type": "number"} for name in _MOTION}}
 
 
-def write(recording: Recording, path: Path) -> None:
-    """Write a recording as MCAP; times begin at 0.
+def to_mcap(recording: Recording) -> bytes:
+    """Return the content of an MCAP file of a recording; times begin at 0.
 
-    Parameters
-    ----------
-    recording
-        What to write.
-    path
-        Where; an older file is replaced.
+    It is made in memory, for foxglove-sdk does not say when a disk is full.
 
     Raises
     ------
@@ -49,7 +44,8 @@ def write(recording: Recording, path: Path) -> None:
         foxglove.Channel(f"/{frame}/motion", message_encoding="json", schema=_SCHEMA, context=context)
         for frame in frames
     ]
-    with foxglove.open_mcap(path, allow_overwrite=True, context=context):
+    file = io.BytesIO()
+    with foxglove.open_mcap(file, context=context):
         first = _ns(recording.times[0])
         world.log(_world(messages, recording), log_time=first)
         robots.log(_robots(messages, recording, frames), log_time=first)
@@ -69,6 +65,7 @@ def write(recording: Recording, path: Path) -> None:
             level = messages.LogLevel.Info if event.kind in GOOD_NEWS else messages.LogLevel.Warning
             stamp, name, text = _stamp(messages, now), frames[event.robot], event.text(recording.roles)
             events.log(messages.Log(timestamp=stamp, level=level, message=text, name=name), log_time=now)
+    return file.getvalue()
 
 
 def _ns(time: float) -> int:
@@ -115,17 +112,25 @@ def _cloud(messages: Any, points: Any, frame: str, stamp: int) -> Any:
 
 def _world(messages: Any, recording: Recording) -> Any:
     color = messages.Color(r=0.25, g=0.25, b=0.25, a=1.0)
-    lines = [
-        messages.LinePrimitive(
-            type=messages.LinePrimitiveLineType.LineStrip,
-            thickness=0.05,
-            points=[messages.Point3(x=x, y=y, z=_HEIGHT / 2) for x, y in line.tolist()],
-            color=color,
-        )
-        for line in recording.world.lines
-    ]
-    entity = messages.SceneEntity(timestamp=_stamp(messages, 0), frame_id=GROUND, id="world", lines=lines)
-    return messages.SceneUpdate(entities=[entity])
+    faint = messages.Color(r=0.25, g=0.25, b=0.25, a=0.4)
+    outlines = (
+        ("world", recording.world.lines, _HEIGHT / 2, color),
+        ("leader paths", recording.leader_paths, 0.0, faint),
+    )
+    entities = []
+    for name, lines, height, shade in outlines:
+        strips = [
+            messages.LinePrimitive(
+                type=messages.LinePrimitiveLineType.LineStrip,
+                thickness=0.05,
+                points=[messages.Point3(x=x, y=y, z=height) for x, y in line.tolist()],
+                color=shade,
+            )
+            for line in lines
+        ]
+        stamp = _stamp(messages, 0)
+        entities.append(messages.SceneEntity(timestamp=stamp, frame_id=GROUND, id=name, lines=strips))
+    return messages.SceneUpdate(entities=entities)
 
 
 def _robots(messages: Any, recording: Recording, frames: list[str]) -> Any:

@@ -1,5 +1,6 @@
 """Recordings as files: ``.npz`` for numpy and the pictures, ``.mcap`` for Foxglove."""
 
+import io
 from dataclasses import astuple
 from pathlib import Path
 from typing import Any
@@ -7,8 +8,11 @@ from typing import Any
 import numpy as np
 
 from mp2a.exceptions import InputError
+from mp2a.file_kinds import kind_of_file
+from mp2a.files import atomic_write
 from mp2a.formation.robot_models import RobotModel
 from mp2a.simulator.events import EventKind, RobotEvent
+from mp2a.simulator.mcap import to_mcap
 from mp2a.simulator.recording import Recording
 from mp2a.simulator.world import World
 from mp2a.spatial import Array
@@ -38,20 +42,18 @@ def save_recording(recording: Recording, path: str | Path) -> Path:
     Raises
     ------
     InputError
-        If the ending is another, or the file cannot be written.
+        If the ending is another.
+    OutputError
+        If the file cannot be written.
     DependencyError
         If it is ``.mcap`` and foxglove-sdk is not installed.
     """
     out = Path(path)
     if out.suffix not in (".npz", ".mcap"):
         raise InputError(f"path: got '{out.name}', expected a name that ends in .npz or .mcap")
-    if out.suffix == ".mcap":
-        from mp2a.simulator.mcap import write
-
-        write(recording, out)
-    else:
-        with out.open("wb") as file:
-            np.savez_compressed(file, allow_pickle=False, format=_FORMAT, **_arrays(recording))
+    content = to_mcap(recording) if out.suffix == ".mcap" else _to_npz(recording)
+    with atomic_write(out) as new:
+        new.write_bytes(content)
     return out
 
 
@@ -63,17 +65,31 @@ def load_recording(path: str | Path) -> Recording:
     InputError
         If the file cannot be read or is no recording: the message says what it is instead.
     """
+    expected = f"expected one of mp2a march (.npz, format {_FORMAT})"
     try:
-        with np.load(path, allow_pickle=False) as file:
+        file = np.load(path, allow_pickle=False)
+    except Exception as error:  # numpy advises to load what it does not know unsafely
+        raise InputError(f"{path}: cannot be read as a recording: it is {kind_of_file(path)}, {expected}") from error
+    if not isinstance(file, np.lib.npyio.NpzFile):
+        raise InputError(f"{path}: cannot be read as a recording: it is {kind_of_file(path)}, {expected}")
+    with file:
+        if missing := {"format", *_PLAIN} - set(file.files):
+            names = ", ".join(file.files[:4])
+            raise InputError(
+                f"{path}: cannot be read as a recording: it holds {names}, … and no {min(missing)}, {expected}"
+            )
+        try:
             return _recording(file)
-    except Exception as error:  # there is no end to what zipfile and numpy raise for a broken file
-        raise InputError(f"{path}: cannot be read as a recording ({error})") from error
+        except Exception as error:  # there is no end to what zipfile and numpy raise for a broken file
+            reason = "a part of it is broken" if "pickle" in str(error) else str(error) or type(error).__name__
+            raise InputError(f"{path}: cannot be read as a recording: {reason}, {expected}") from error
 
 
-def _arrays(recording: Recording) -> dict[str, Any]:
+def _to_npz(recording: Recording) -> bytes:
     events, world = recording.events, recording.world
     names, *figures = zip(*map(astuple, recording.models), strict=True)
-    return {
+    file = io.BytesIO()
+    arrays = {
         **{name: getattr(recording, name) for name in _PLAIN},
         "event_times": np.array([event.time for event in events], dtype=float),
         "event_robots": np.array([event.robot for event in events], dtype=int),
@@ -88,6 +104,8 @@ def _arrays(recording: Recording) -> dict[str, Any]:
         **_pack("wall", world.walls),
         **_pack("obstacle", world.obstacles),
     }
+    np.savez_compressed(file, allow_pickle=False, format=_FORMAT, **arrays)
+    return file.getvalue()
 
 
 def _recording(file: Any) -> Recording:

@@ -11,10 +11,10 @@ from mp2a.checks import array, count, numbers, positive
 from mp2a.exceptions import InputError
 from mp2a.formation.robot_models import RobotModel
 from mp2a.simulator.contacts import Contacts
-from mp2a.simulator.vehicle import TurnSlip, move, respond
 from mp2a.simulator.events import SOLID, EventKind, RobotEvent
 from mp2a.simulator.lidar import Lidar, points, ranges
 from mp2a.simulator.observation import Observation
+from mp2a.simulator.vehicle import TurnSlip, move, respond
 from mp2a.simulator.world import World
 from mp2a.spatial import Array
 

@@ -8,12 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mp2a.exceptions import InputError
+from mp2a.file_kinds import kind_of_file
 from mp2a.simulator.world import FARTHEST, World, box, disc
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 _MOST_SIDES = 360
 _NEEDED = object()
@@ -53,12 +49,19 @@ def read_world(path: str | Path) -> World:
     try:
         text = Path(path).read_bytes().decode("utf-8")
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as a world file ({error})") from error
+        raise InputError(
+            f"{path}: cannot be read as a world file: it is {kind_of_file(path)}, expected TOML"
+        ) from error
     return parse_world(text, str(path))
 
 
 def parse_world(text: str, where: str = "world") -> World:
     """Read a world from the text of a world file; ``where`` is what errors call it."""
+    if sys.version_info >= (3, 11):
+        import tomllib
+    else:
+        import tomli as tomllib
+
     try:
         tables = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
