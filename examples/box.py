@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mp2a.formation import Formation, Limits, FormationController, spline
+from mp2a.formation import Formation, FormationController, Limits, spline
 from mp2a.formation.shapes import centre
 
 ROBOT, BOX = 50.0, 30.0

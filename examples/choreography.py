@@ -6,10 +6,10 @@ import numpy as np
 
 from mp2a.formation import LocalExchange
 from mp2a.formation.choreography.ideal import run
+from mp2a.formation.choreography.leader_broadcast import planar_chain
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.choreography.scenario import as_text
-from mp2a.formation.choreography.leader_broadcast import planar_chain
 from mp2a.formation.robot_models import TRADR
 
 scenario = parse((Path(__file__).parent / "scenarios" / "listing_6_3.txt").read_text())

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mp2a.exceptions import InputError
-from mp2a.formation import Formation, Limits, FormationController, waypoints
-from mp2a.formation.choreography import follower
+from mp2a.formation import Formation, FormationController, Limits, waypoints
+from mp2a.formation.choreography.force_field import avoidance
 from mp2a.formation.choreography.ideal import run as ideal_run
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
@@ -42,7 +42,7 @@ PATH = waypoints([[0, 0], [12, 0]])
 def dance(text, model=HUSKY, world=ROOM, until=120.0, change=None, after=0.0):
     """Run a choreography; ``change(simulation)`` is called every tick."""
     show = Choreography(parse(text), model)
-    simulation = Simulation(world, model, show.places())
+    simulation = Simulation(world, model, show.slot_poses())
     return show, *drive(simulation, ChoreographySimulationDriver(show), until, change, after)
 
 
@@ -128,7 +128,7 @@ def test_a_robot_whose_place_stands_does_not_turn():
 def test_the_turn_away_from_an_obstacle_has_no_jump_but_straight_ahead(size, angle, small):
     if abs(angle - np.pi) < 0.02:
         return
-    first, second = (follower.avoidance(size * np.array([[np.cos(a), np.sin(a)]]))[0] for a in (angle, angle + small))
+    first, second = (avoidance(size * np.array([[[np.cos(a), np.sin(a)]]]))[0] for a in (angle, angle + small))
     assert abs(first - second) <= 2 * size * (1 + np.pi) * small + 1e-9
 
 
@@ -150,7 +150,7 @@ def test_scenarios_of_the_thesis_are_danced_without_touching(name, model):
     show, simulation, recording = dance(LISTINGS[name], model)
     assert show.done
     assert not simulation.collisions
-    assert not show.state.error.any()
+    assert not show.state.errors.failed.any()
     # In place; a leader stops at once and a robot does not, and nobody reverses to its place.
     assert (np.abs(recording.gaps[-1] - recording.leaders[-1, :, 2]) < 0.15).all()
 
@@ -174,7 +174,7 @@ def test_a_robot_of_its_own_does_what_it_does_among_all(name, model, which, tick
         ChoreographySimulationDriver(Choreography(parse(text), model)),
         ChoreographySimulationDriver(Choreography(parse(text), model), [which]),
     )
-    simulation = Simulation(World(), model, whole.choreography.places())
+    simulation = Simulation(World(), model, whole.choreography.slot_poses())
     for _ in range(ticks):
         sensed = simulation.sense()
         told = whole.step(sensed)
@@ -184,7 +184,7 @@ def test_a_robot_of_its_own_does_what_it_does_among_all(name, model, which, tick
         })  # fmt: skip
         assert (alone.step(part)[0] == told[which]).all()
         simulation.step(told)
-    assert alone.choreography.state.error.tolist() == [i != which for i in range(len(simulation))]
+    assert alone.choreography.state.errors.failed.tolist() == [i != which for i in range(len(simulation))]
 
 
 def test_a_column_keeps_to_its_path_though_its_robots_see_each_other():
@@ -210,7 +210,7 @@ def test_a_silent_sensor_ends_its_robot_and_is_in_the_recording():
         simulation.silence(0, simulation.time >= 0.95)
 
     show, simulation, recording = dance("robots R1 R2\nrow R1,R2 0 2\nmove 4 0", until=12, change=silence)
-    assert show.state.error.tolist() == [True, False]
+    assert show.state.errors.failed.tolist() == [True, False]
     [event] = [event for event in recording.events if event.kind is EventKind.ERROR_STATE]
     assert event.robot == 0
     # The last scan, of 1.0 s, comes at 1.3 s; more than 0.3 s later nothing has come.

@@ -14,7 +14,6 @@ from mp2a import launch
 from mp2a.cli import main
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography.ideal import run as ideal_run
-from mp2a.formation.choreography.places import compose
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY
@@ -25,6 +24,7 @@ from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.robots.planner import ChoreographyPlanner, origin_of
 from mp2a.robots.simulated import SimulatedPace
 from mp2a.robots.table import INTERFACES
+from mp2a.se2 import compose
 from mp2a.simulator import NO_SLIP, PHYSICS_ENGINE_SLIP, Simulation, World
 
 SCENARIOS = Path(__file__).parents[1] / "examples" / "scenarios"
@@ -36,7 +36,7 @@ POSE = st.tuples(*[st.floats(-5, 5)] * 3)
 def simulated(scenario, world=None, slip=NO_SLIP):
     """Drivers of simulated robots, in one process."""
     interfaces = [INTERFACES["husky"]] * len(scenario.robots)
-    places = Choreography(scenario, HUSKY).places()
+    places = Choreography(scenario, HUSKY).slot_poses()
     simulation = Simulation(World() if world is None else world, HUSKY, places, slip=slip)
     pace = SimulatedPace(simulation, 0.05, range(len(places)))
     drivers = [

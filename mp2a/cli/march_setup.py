@@ -44,8 +44,8 @@ class ChoreographySetup(NamedTuple):
     @contextmanager
     def driver(self, comm: "MPI.Intracomm | None") -> "Iterator[SimulationDriver]":
         """Tie the robots here to the others by the scan, which tells them where their leaders are."""
-        from mp2a.formation.choreography.runner import Choreography
         from mp2a.formation.choreography.leader_broadcast import planar_chain
+        from mp2a.formation.choreography.runner import Choreography
         from mp2a.simulator.choreography_driver import ChoreographySimulationDriver
 
         models = dict(zip(self.roles, self.models, strict=True))
@@ -109,15 +109,16 @@ def set_up(options: argparse.Namespace, ranks: int | None) -> MarchSetup:
 
 
 def _choreography(options: argparse.Namespace) -> ChoreographySetup:
-    from mp2a.se2 import compose
+    from mp2a.formation.choreography.fleet import models
     from mp2a.formation.choreography.reading import parse
-    from mp2a.formation.choreography.runner import Choreography, models
+    from mp2a.formation.choreography.runner import Choreography
+    from mp2a.se2 import compose
 
     scenario = parse(read_scenario(options.file))
     chosen = models(scenario, robot_models(options.robots))
     choreography = Choreography(scenario, dict(zip(scenario.robots, chosen, strict=True)), options.max_speed)
     x, y, degrees = options.start
-    poses = compose(np.array([x, y, np.deg2rad(degrees)]), choreography.places())
+    poses = compose(np.array([x, y, np.deg2rad(degrees)]), choreography.slot_poses())
     seconds = options.seconds or _MOST_SECONDS
     return ChoreographySetup(
         scenario.robots, chosen, poses, seconds, scenario, choreography.max_speed, options.method

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mp2a.checks import count
 from mp2a.exceptions import InputError
-from mp2a.formation.vectors import as_complex, as_vectors
+from mp2a.formation.vectors import as_complex
 from mp2a.se2 import compose
 from mp2a.spatial import Array
 
@@ -129,7 +129,11 @@ def rigid(parents: NDArray[np.intp], positions: NDArray[np.complexfloating]) -> 
         x + i y of each in the leader's frame, ``(n,)``, m.
     """
     relative = positions - np.where(parents >= 0, positions[parents], positions)
-    return Layout(parents, np.column_stack((as_vectors(relative), np.zeros(len(parents)))), follows=False)
+    return Layout(
+        parents,
+        np.column_stack((np.stack((relative.real, relative.imag), axis=-1), np.zeros(len(parents)))),
+        follows=False,
+    )
 
 
 def centre(layout: Layout) -> Array:

@@ -4,12 +4,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from mp2a.formation.choreography.places import compose
 from mp2a.robots import limits, slip, sound
 from mp2a.robots.interface import NO_POSE, Pace, Robot, Sensed
 from mp2a.robots.planner import Decision, Planner, origin_of
 from mp2a.robots.steps import Step
 from mp2a.robots.table import RobotInterface
+from mp2a.se2 import compose
 from mp2a.spatial import Array
 
 _ZERO = np.zeros(2)

@@ -111,7 +111,7 @@ def build(
     def dance() -> Choreography:
         return Choreography(scenario, models, max_speed)
 
-    order = Order(scenario, found, roles, comm, armed, dance().places())
+    order = Order(scenario, found, roles, comm, armed, dance().slot_poses())
     made = adapter.make(order)
     in_place = adapter.own_frames and found.origin == "in-place"
     drivers = []

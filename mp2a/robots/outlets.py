@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mp2a.formation.choreography import obstacles
 from mp2a.formation.constants import WINDOW
+from mp2a.formation.safety import stop_signals
 from mp2a.robots import cloud
 from mp2a.robots.sender import Sender
 from mp2a.robots.sound import sound_numbers
@@ -77,9 +77,9 @@ def outlets(interface: RobotInterface, wire: Wire, sender: Sender | None) -> Out
         say(*sound_numbers(text), 1.0, text or "", "")
 
     def show(points: Array) -> None:
-        seen = obstacles.look(points, np.zeros(len(points), dtype=np.intp), length, width)
-        stop_front(bool(seen.front[0]))
-        stop_rear(bool(seen.rear[0]))
+        signals = stop_signals(points, np.zeros(len(points), dtype=np.intp), length, width)
+        stop_front(bool(signals.front[0]))
+        stop_rear(bool(signals.rear[0]))
         near = points[(np.abs(points) < WINDOW / 2).all(axis=1)]
         show_points(*cloud.content(near, wire.header(interface.body_frame), wire.field))
 

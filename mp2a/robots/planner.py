@@ -5,11 +5,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from mp2a.exceptions import InputError
-from mp2a.formation.choreography import follower
-from mp2a.formation.choreography.places import compose
 from mp2a.formation.choreography.runner import Choreography
-from mp2a.formation.pose_history import Odometry, into_frame, onto_ground
+from mp2a.formation.pose_history import PoseHistory
 from mp2a.robots.interface import NO_POSE, Sensed
+from mp2a.se2 import act, act_inverse, compose, inverse
 from mp2a.spatial import Array
 
 
@@ -60,7 +59,7 @@ class ChoreographyPlanner:
         if role not in dance.robots:
             raise InputError(f"role: got {role!r}, expected one of {', '.join(dance.robots)}")
         self.dance, self._has_lidar, self._points_age = dance, has_lidar, points_age
-        self._odometry = Odometry(1)
+        self._history = PoseHistory(1)
         self._own = dance.robots.index(role)
         n = len(dance.robots)
         # Of the others nothing is known here, so here they are lost; their own processes know better.
@@ -69,12 +68,12 @@ class ChoreographyPlanner:
 
     def place(self) -> Array:
         """Where the choreography has the robot at present."""
-        out: Array = self.dance.places()[self._own]
+        out: Array = self.dance.slot_poses()[self._own]
         return out
 
     def leader(self) -> Array:
         """Where the robot's own leader is: the virtual leader, moved sideways into the robot's lane."""
-        out: Array = follower.lanes(self.dance.state.leaders)[self._own]
+        out: Array = self.dance.state.leaders.points[self._own]
         return out
 
     def decide(self, t: float, sensed: Sensed) -> Decision:
@@ -84,9 +83,9 @@ class ChoreographyPlanner:
         self._twists[own] = sensed.twist
         self._points[own] = self._now(t, sensed)
         commands = self.dance.step(t, self._poses, self._twists, self._points if self._has_lidar else None)
-        error = bool(self.dance.state.error[own])
-        asked = self.dance.state.asked[own, 0]
-        held = bool((sensed.stop_front and asked > 0) or (sensed.stop_rear and asked < 0))
+        error = bool(self.dance.state.errors.failed[own])
+        wanted = self.dance.state.raw_command[own, 0]
+        held = bool((sensed.stop_front and wanted > 0) or (sensed.stop_rear and wanted < 0))
         done = self.dance.done or (held and bool(self.dance.ended.all()))
         blocked = (held or bool(self.dance.blocked[own])) and not error
         turn_held = bool(self.dance.turn_held[own])
@@ -96,18 +95,15 @@ class ChoreographyPlanner:
         """Points where they are now, seen from the robot; as they came while it does not know where it is."""
         if not np.isfinite(sensed.pose).all():
             return sensed.points
-        self._odometry.add(t, sensed.pose[None])
+        self._history.add(t, sensed.pose[None])
         if sensed.points is None:
             return None
-        then = self._odometry.at(np.array([t - self._points_age]))[0]
+        then = self._history.at(np.array([t - self._points_age]))[0]
         if (then == sensed.pose).all():  # it stands: rounding shall not move points from cell to cell
             return sensed.points
-        return into_frame(onto_ground(np.asarray(sensed.points, dtype=float), then), sensed.pose)
+        return act_inverse(sensed.pose, act(then, sensed.points))
 
 
 def origin_of(place: Array, pose: Array) -> Array:
-    """Pose ``(3,)`` of the robot's fixed frame in the ground frame, if the robot at ``pose`` is at ``place``."""
-    heading = place[2] - pose[2]
-    at: Array = np.array([0.0, 0.0, heading])
-    offset = compose(at, np.array([pose[0], pose[1], 0.0]))
-    return np.array([place[0] - offset[0], place[1] - offset[1], heading])
+    """Return the pose ``(3,)`` in the ground frame of a robot's fixed frame, in which it is at ``pose``, its place."""
+    return compose(place, inverse(pose))

@@ -3,10 +3,10 @@
 import numpy as np
 
 from mp2a.formation.choreography.ideal import run as ideal_run
-from mp2a.formation.choreography.places import compose
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY
+from mp2a.se2 import compose
 
 COLUMN = """robots R1 R2 R3 R4
 column R1;R2;R3;R4 2 0

@@ -7,8 +7,8 @@ import mp2a
 from mp2a.formation import (
     Discs,
     Formation,
-    Limits,
     FormationController,
+    Limits,
     LocalExchange,
     MPIExchange,
     SensedPoints,

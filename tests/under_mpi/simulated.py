@@ -29,7 +29,9 @@ def world_for(controller):
 
 
 with mp2a.DistributedModel(COMM, formation.model, "sweep") as ranks:
-    mine = FormationSimulationDriver(FormationController(formation, PATH if RANK == 0 else None, MPIExchange(ranks)), HUSKY)
+    mine = FormationSimulationDriver(
+        FormationController(formation, PATH if RANK == 0 else None, MPIExchange(ranks)), HUSKY
+    )
     poses = []
     simulate_over_ranks(COMM, mine, (lambda controller: poses.append(world_for(controller))) if RANK == 0 else None)
 if RANK:
@@ -37,7 +39,9 @@ if RANK:
 parts = COMM.gather((np.array(mine.leaders), mine.events, mine.record))
 check(bool(mine.march.state.failed[0]) == (RANK == SIZE - 1))
 if RANK == 0:
-    whole = FormationSimulationDriver(FormationController(formation, PATH, LocalExchange(formation.model, "sweep")), HUSKY)
+    whole = FormationSimulationDriver(
+        FormationController(formation, PATH, LocalExchange(formation.model, "sweep")), HUSKY
+    )
     expected = world_for(whole.step)
     check(np.abs(expected - poses[0]).max() < 1e-9)
     leaders = np.concatenate([part[0] for part in parts], axis=1)

@@ -53,7 +53,7 @@ def overlaps(offset: Array, heading: Array, size: Array, other_heading: Array, o
     return ~apart
 
 
-def close_pairs(poses: Array, sizes: Array, margin: float) -> list[CloseApproach]:
+def close_pairs(poses: Array, sizes: Array, margin: float, pause: int = PAUSE) -> list[CloseApproach]:
     """Find who comes too close to whom and when.
 
     Parameters
@@ -64,6 +64,8 @@ def close_pairs(poses: Array, sizes: Array, margin: float) -> list[CloseApproach
         ``(n, 2)`` lengths and widths, m.
     margin
         What is to stay free between two bodies, m.
+    pause
+        Times of a pair that are at most so many ticks apart are reported as one.
 
     Returns
     -------
@@ -88,7 +90,7 @@ def close_pairs(poses: Array, sizes: Array, margin: float) -> list[CloseApproach
     out = []
     for pair in np.unique(pairs):
         times, contacts = ticks[pairs == pair], ticks[(pairs == pair) & (touches > 0)]
-        for stretch in stretches(times):
+        for stretch in stretches(times, pause):
             met = bool(np.isin(contacts, stretch).any())
             out.append(CloseApproach(int(first[pair]), int(second[pair]), int(stretch[0]), int(stretch[-1]), met))
     return sorted(out, key=lambda approach: (approach.begin, approach.first, approach.second))

@@ -11,13 +11,13 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.formation.constants import CELL, CELL_FORCE, FORCE_GAIN, WINDOW
+from mp2a.formation.constants import CELL, CELL_FORCE, FORCE_GAIN, STOP_SIDE, WINDOW
 from mp2a.spatial import Array
 
 _SIDE = round(WINDOW / CELL)
 
 
-def forces(points: Array, robot: NDArray[np.intp], n: int) -> Array:
+def forces(points: Array, robot: NDArray[np.intp], widths: Array) -> Array:
     """Work out what pushes n robots.
 
     Parameters
@@ -26,24 +26,26 @@ def forces(points: Array, robot: NDArray[np.intp], n: int) -> Array:
         ``(k, 2)`` in the frame of the robot that sees them, m; what is not finite is not there.
     robot
         ``(k,)``: which robot.
-    n
-        How many robots.
+    widths
+        ``(n,)`` of the robots, m.
 
     Returns
     -------
     numpy.ndarray
-        ``(n, 2, 2)``: for what is on the left and what is on the right the force in the robots' frames. F of the thesis
-        is the sum of both.
+        ``(n, 2, 2)``: the forces, in the robots' frames, of what is on the left and of what is on the right if the lane
+        ahead between both is free; else that of all, and zero. F of the thesis is the sum of both.
     """
     with np.errstate(invalid="ignore"):
         inside = (np.abs(points) < WINDOW / 2).all(axis=1)
-    cell = np.floor((points[inside] + WINDOW / 2) / CELL).astype(np.intp).clip(0, _SIDE - 1)
+    points, robot, n = points[inside], robot[inside], len(widths)
+    cell = np.floor((points + WINDOW / 2) / CELL).astype(np.intp).clip(0, _SIDE - 1)
     occupied = np.zeros((n, _SIDE, _SIDE))
-    occupied[robot[inside], cell[:, 0], cell[:, 1]] = 1.0
-    right, left = np.split(occupied, 2, axis=2)
-    field_right, field_left = np.split(_field(), 2, axis=1)
-    sides = (np.tensordot(part, field, 2) for part, field in ((left, field_left), (right, field_right)))
-    return np.stack(tuple(sides), axis=1)
+    occupied[robot, cell[:, 0], cell[:, 1]] = 1.0
+    halves = zip(np.split(occupied, 2, axis=2), np.split(_field(), 2, axis=1), strict=True)
+    right, left = (np.tensordot(half, field, 2) for half, field in halves)
+    ahead = (points[:, 0] > 0) & (np.abs(points[:, 1]) < widths[robot] / 2 + STOP_SIDE)
+    one = np.bincount(robot[ahead], minlength=n)[:, None] > 0
+    return np.stack((np.where(one, left + right, left), np.where(one, 0.0, right)), axis=1)
 
 
 def avoidance(force: Array) -> Array:
@@ -53,9 +55,8 @@ def avoidance(force: Array) -> Array:
     print has sgn(Fx) this has cos α₂, so that -2 sgn(Fx) α₂ |F| becomes -2 Fx α₂: the same ahead and behind, and
     without a jump where an obstacle is abeam, across which a robot beside another would swing for ever.
 
-    The law acts once for what is on the left and once for what is on the right. For both together α₂ would be ±π
-    between two walls, its sign that of whichever happens to be nearer by a millimetre, and the robot would turn to and
-    fro at full rate.
+    Where a robot drives between two obstacles the law acts for each of them. For the sum of both α₂ would be ±π, its
+    sign that of whichever is nearer by a millimetre, and the robot would turn to and fro at full rate.
     """
     out: Array = -FORCE_GAIN * (force[..., 0] * np.arctan2(force[..., 1], force[..., 0])).sum(axis=-1)
     return out

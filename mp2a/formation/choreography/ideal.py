@@ -86,7 +86,7 @@ class IdealRobots:
 
 
 def obey(fleet: Fleet, poses: Array, twists: Array, commands: Array, dt: float = TICK) -> tuple[Array, Array]:
-    """Return poses ``(n, 3)`` and twists ``(n, 2)`` after ``dt`` s: speeds follow commands as fast as the limits allow."""
+    """Return poses ``(n, 3)`` and twists ``(n, 2)`` after ``dt`` s: speeds follow commands as limits allow."""
     change = np.column_stack((fleet.max_acceleration, fleet.max_turn_acceleration)) * dt
     wanted = np.clip(commands, -fleet.fastest, fleet.fastest)
     reached = twists + np.clip(wanted - twists, -change, change)

@@ -1,8 +1,8 @@
 """The virtual leaders, one a robot, and the controllers that drive them (thesis, section 4.2).
 
 They follow from the scenario and the clock alone. So either every robot works out its own, and robots with the same
-clock agree without a message, as in the thesis; or one robot does, and
-`mp2a.formation.choreography.leader_broadcast` takes their motion to the others. Here all n are arrays; nothing depends on where the robots really are.
+clock agree without a message, as in the thesis; or one robot does, and `mp2a.formation.choreography.leader_broadcast`
+takes their motion to the others. Here all n are arrays; nothing depends on where the robots really are.
 """
 
 from typing import NamedTuple

@@ -56,7 +56,7 @@ class ChoreographyState(NamedTuple):
     expected: Array
     """``(ticks, n, 2)``: where robots are to be and were to be a moment ago, oldest first, ground frame, m."""
     force: Array
-    """``(n, 2, 2)``: what the newest points push with, those on the left and those on the right."""
+    """``(n, 2, 2)``: what the newest points push with, of `mp2a.formation.choreography.force_field`."""
     signals: StopSignals
     """What the newest points keep robots from."""
     errors: ErrorStates
@@ -235,7 +235,7 @@ class Choreography:
             return state._replace(errors=errors)
         cloud, robot, heard = sensing.pack([None] * n if points is None else points, n)
         pushing = teammates.obstacles_among(cloud, robot, poses, state.expected, self.fleet.radius)
-        force = force_field.forces(cloud[pushing], robot[pushing], n)
+        force = force_field.forces(cloud[pushing], robot[pushing], self.fleet.width)
         signals = stop_signals(cloud, robot, self.fleet.length, self.fleet.width)
         return state._replace(
             force=np.where(heard[:, None, None], force, state.force),

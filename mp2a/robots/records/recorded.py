@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mp2a.exceptions import InputError
-from mp2a.formation.choreography.obstacles import from_cloud
+from mp2a.formation.safety import from_cloud
 from mp2a.robots.cloud import points as cloud_points
 from mp2a.robots.frames import Transforms
 from mp2a.robots.interface import NO_POSE, Sensed

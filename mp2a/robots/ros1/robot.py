@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mp2a.exceptions import DependencyError, InputError
-from mp2a.formation.choreography.obstacles import from_cloud
+from mp2a.formation.safety import from_cloud
 from mp2a.robots.cloud import points as cloud_points
 from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.robots.odometry import LastSeen, heading, rotation

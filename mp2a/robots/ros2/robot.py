@@ -4,7 +4,7 @@ import math
 import time
 from typing import Any
 
-from mp2a.formation.choreography.obstacles import from_cloud
+from mp2a.formation.safety import from_cloud
 from mp2a.robots.cloud import points as cloud_points
 from mp2a.robots.interface import Sensed
 from mp2a.robots.outlets import Wire, Write, outlets
