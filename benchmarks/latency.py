@@ -14,7 +14,8 @@ from mp2a.bench import results
 from mp2a.bench.settings import Settings
 from mp2a.bench.sweep import sweep
 from mp2a.network import EmulatedNetwork
-from mp2a.plot.latency import CONTENDERS, emulated, latency
+from mp2a.plot import latency_figure, save_figure
+from mp2a.plot.latency import CONTENDERS, emulated
 
 
 def main() -> None:
@@ -36,21 +37,21 @@ def main() -> None:
                 sweep([n], settings, options.out, fresh=False, say=status.update)
     found = results.load(options.out)
     print(table(found))
-    print(latency(found, options.out.with_suffix(".png")))
+    print(save_figure(latency_figure(found), options.out.with_suffix(".png")))
 
 
 def table(found: dict[str, object]) -> str:
     """Write times of one sample in ms, and how many times faster the sweep is, as Markdown."""
     lines = [
-        f"| latency | n | {' | '.join(CONTENDERS)} | sweep over kogge-stone | sweep over relay |",
+        f"| network | n | {' | '.join(CONTENDERS)} | sweep over kogge-stone | sweep over pipeline |",
         "|" + "---|" * (len(CONTENDERS) + 4),
     ]
-    for seconds, runs in emulated(found).items():
+    for network, runs in emulated(found).items():
         for run in runs:
             walls = {name: run["measured"][name]["single"]["wall"] for name in CONTENDERS if name in run["measured"]}
             cells = [f"{1e3 * walls[name]:.3g}" if name in walls else "-" for name in CONTENDERS]
-            ratios = [f"{walls[name] / walls['sweep']:.1f}×" for name in ("kogge-stone", "relay")]
-            lines.append(f"| {1e3 * seconds:g} ms | {run['n']} | {' | '.join([*cells, *ratios])} |")
+            ratios = [f"{walls[name] / walls['sweep']:.1f}×" for name in ("kogge-stone", "pipeline")]
+            lines.append(f"| {network} | {run['n']} | {' | '.join([*cells, *ratios])} |")
     return "\n".join(lines)
 
 

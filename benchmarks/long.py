@@ -27,8 +27,8 @@ import mp2a
 from mp2a import Model, kernels
 from mp2a.cores import available_memory
 from mp2a.kernels.long import WORTH_IT
-from mp2a.plot.style import FAINT, LOOKS, Look, canvas, curve, handle, legends, styled, target
-from mp2a.plot.style import save as save_figure
+from mp2a.plot.looks import FAINT, LOOKS, Look
+from mp2a.plot.style import canvas, curve, handle, legends, save_figure, styled
 from mp2a.reference import data_bytes
 
 OURS = {
@@ -78,9 +78,7 @@ def main() -> None:
     save(results, options.out)
     print(describe(results["machine"]), end="\n\n")
     show(tables(results), markdown=options.markdown)
-    out = target(options.out.with_suffix(".png"))
-    with styled():
-        print(save_figure(figure(results), out))
+    print(save_figure(figure(results), options.out.with_suffix(".png")))
 
 
 def random_state(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -160,6 +158,7 @@ def over(seconds: dict[str, list[float]], slow: str, fast: str) -> str:
     return f"{ratio(seconds, slow, fast):.3g}×" if slow in seconds and fast in seconds else "-"
 
 
+@styled()
 def figure(results: dict[str, Any]) -> Figure:
     """Draw time and memory over the number of bodies."""
     drawn = canvas(7.2, 3.4)

@@ -26,8 +26,8 @@ from rich.console import Console
 from mp2a import Model, kernels
 from mp2a.kernels.plan import FORMATS, make_plan
 from mp2a.kernels.symbols import LANES
-from mp2a.plot.style import FAINT, INK, Look, canvas, curve, handle, legends, robots_axis, styled, target
-from mp2a.plot.style import save as save_figure
+from mp2a.plot.looks import FAINT, INK, Look
+from mp2a.plot.style import canvas, curve, handle, legends, robots_axis, save_figure, styled
 
 CASES = {
     "rows": Look("torque, (T, n)", "#0072B2", "o"),
@@ -66,9 +66,7 @@ def main() -> None:
     save(results, options.out)
     print(describe(results["machine"]), end="\n\n")
     show(tables(results), markdown=options.markdown)
-    out = target(options.out.with_suffix(".png"))
-    with styled():
-        print(save_figure(figure(results), out))
+    print(save_figure(figure(results), options.out.with_suffix(".png")))
 
 
 def counted(case: str) -> dict[str, counts.Count]:
@@ -175,6 +173,7 @@ def tables(results: dict[str, Any]) -> list[Table]:
     return out
 
 
+@styled()
 def figure(results: dict[str, Any]) -> Figure:
     """Draw the roofline, and time beside its bounds."""
     drawn = canvas(7.6, 3.5)
@@ -243,7 +242,7 @@ def _times(axes: Axes, results: dict[str, Any]) -> None:
     for case in ("columns", "columns bodies"):
         axes.plot(n, [bounds(results, run, case)["arithmetic"] for run in runs], color=INK, linestyle="--", linewidth=1)
     axes.plot(n, [bounds(results, run, "columns")["memory"] for run in runs], color=FAINT, linestyle=(0, (1, 1.5)))
-    robots_axis(axes, int(n.max()), int(n.min()))
+    robots_axis(axes, n.tolist())
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(_ticks([0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100]))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

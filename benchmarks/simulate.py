@@ -9,7 +9,7 @@ from typing import Any
 from mp2a.bench import simulated as bench
 from mp2a.bench.simgrid import NETWORKS
 from mp2a.exceptions import DependencyError, InputError
-from mp2a.plot.simulated import simulated
+from mp2a.plot import save_figure, simulated_figure
 
 SIZES = (8, 32, 128, 512, 4096, 65536)
 LARGEST_BATCHED = 4096
@@ -39,7 +39,7 @@ def main() -> None:
             sizes = [n for n in options.n if samples == 1 or n <= LARGEST_BATCHED]
             held = bench.sweep(options.out, sizes, [samples], options.networks, options.limit, given, say)
         table(held)
-        print(simulated(held, options.out.with_suffix(".png")))
+        print(save_figure(simulated_figure(held), options.out.with_suffix(".png")))
     except (InputError, DependencyError, OSError) as error:
         parser.exit(2, f"{error}\n")
 

@@ -71,10 +71,14 @@ def write_text(path: str | Path, text: str) -> None:
     Raises
     ------
     OutputError
-        If the target cannot be written.
+        If the target cannot be written; its `unsaved` is the text.
     """
-    with atomic_write(path) as new:
-        new.write_text(text, encoding="utf-8")
+    try:
+        with atomic_write(path) as new:
+            new.write_text(text, encoding="utf-8")
+    except OutputError as error:
+        error.unsaved = text
+        raise
 
 
 def check_writable(path: str | Path) -> None:

@@ -162,7 +162,7 @@ def neighbours(formation: Formation) -> Schedule:
     return Schedule(len(parents), tuple(_numbered("neighbours", [(_outwards(parents),)])))
 
 
-def relay(formation: Formation) -> Schedule:
+def pipeline(formation: Formation) -> Schedule:
     """Neighbour to neighbour: 2 (n - 1) hops of a chain, motion (12 numbers) outwards, then forces (6) inwards."""
     n = len(_parents(formation))
     out = _numbered("motion", [(_transfer(MOTION, [i - 1], [i]),) for i in range(1, n)])
@@ -229,6 +229,6 @@ SCHEDULES: dict[str, Callable[[Formation], Schedule]] = {
     "kogge-stone": kogge_stone,
     "compact": compact,
     "sweep": sweep,
-    "relay": relay,
+    "pipeline": pipeline,
 }
 """Every schedule by the name of the method that follows it."""

@@ -37,7 +37,7 @@ def test_bench_keeps_and_prints_what_it_measured(bench):
             assert facts["sent"]["bytes"] == facts["bytes"]
             assert facts["error"]["relative"] < 1e-12
             assert facts["error"]["against"] == "pinocchio"
-        for contender in ("kogge-stone", "compact", "sweep", "relay", "centre", "pinocchio"):
+        for contender in ("kogge-stone", "compact", "sweep", "pipeline", "gather-scatter", "pinocchio"):
             for size in ("batch", "single"):
                 assert run["measured"][contender][size]["wall"] > 0
         assert run["started_s"] > 0
@@ -73,8 +73,8 @@ def test_bench_over_an_emulated_network(tmp_path):
     assert walls["sweep"] >= 0.02
     assert walls["compact"] >= 0.04
     assert walls["kogge-stone"] >= 0.04
-    assert walls["relay"] >= 0.04
-    assert walls["centre"] >= 0.04
+    assert walls["pipeline"] >= 0.04
+    assert walls["gather-scatter"] >= 0.04
 
 
 def test_bench_under_mpirun(tmp_path):
@@ -104,7 +104,7 @@ def test_cost_prints_both_counts():
     assert "464100" in printed
 
 
-@pytest.mark.parametrize("method", ["kogge-stone", "compact", "sweep", "relay"])
+@pytest.mark.parametrize("method", ["kogge-stone", "compact", "sweep", "pipeline"])
 def test_schedule_is_printed(method):
     assert "1→2" in mp2a("schedule", "--n", 4, "--method", method).stdout
 

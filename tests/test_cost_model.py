@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from mp2a import InputError, cost_model
 from mp2a.algebra.affine import DOUBLES, MATRIX_AND_VECTOR, VECTOR
-from mp2a.schedule import kogge_stone, relay
+from mp2a.schedule import kogge_stone, pipeline
 
 NETWORK = cost_model.Network(serial_time=6.4, latency=1e-6, speed=1e9, bits=64)
 
@@ -56,10 +56,10 @@ def test_equation_11():
 
 
 @given(st.integers(2, 100))
-def test_relay_time_is_hops(n):
-    hops = len(relay(n).rounds)
+def test_pipeline_time_is_hops(n):
+    hops = len(pipeline(n).rounds)
     free = NETWORK._replace(speed=float("inf"))
-    assert cost_model.relay_time(n, 1, free) == pytest.approx(hops * NETWORK.latency)
+    assert cost_model.pipeline_time(n, 1, free) == pytest.approx(hops * NETWORK.latency)
 
 
 def test_amdahl_at_its_ends():

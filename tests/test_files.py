@@ -71,8 +71,9 @@ def test_a_body_that_raises_leaves_the_old_file(tmp_path, error):
 def test_a_full_disk(tmp_path):
     path = tmp_path / "file.txt"
     path.write_text("old")
-    with full_disk(), pytest.raises(OutputError, match=r"file\.txt: cannot be written \(File too large\)"):
+    with full_disk(), pytest.raises(OutputError, match=r"file\.txt: cannot be written \(File too large\)") as caught:
         files.write_text(path, "x" * 2000)
+    assert caught.value.unsaved == "x" * 2000
     numbers = tmp_path / "numbers.npz"
     with full_disk(), pytest.raises(OutputError, match="written"), files.atomic_write(numbers) as new:
         np.savez_compressed(new, a=np.random.default_rng(0).random(1000))

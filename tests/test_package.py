@@ -14,10 +14,10 @@ MODULES = sorted(ROOT.rglob("*.py"))
 
 # From the bottom to the top; what is not named here stands above all of it.
 LAYERS = (
-    "exceptions", "dependencies", "mpi_environment", "mpi", "checks", "files", "file_kinds", "cores", "network",
-    "spatial", "se2", "joints", "readers", "model", "validation", "joint_kinematics", "algebra", "kernels", "recursion",
-    "schedule", "transport", "methods", "dynamics", "distributed", "process_grid", "formation", "launch", "reference",
-    "cost_model", "bench", "simulator", "robots", "plot", "cli",
+    "exceptions", "dependencies", "mpi_environment", "mpi", "checks", "files", "file_kinds", "tables", "cores",
+    "network", "spatial", "se2", "joints", "readers", "model", "validation", "joint_kinematics", "algebra", "kernels",
+    "recursion", "schedule", "transport", "methods", "dynamics", "distributed", "process_grid", "formation", "launch",
+    "reference", "cost_model", "bench", "simulator", "robots", "plot", "cli",
 )  # fmt: skip
 NOT_ON_A_RANK = (
     "matplotlib", "pinocchio", "rich", "typer", "click", "argparse", "mujoco", "scipy", "numba",

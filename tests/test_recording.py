@@ -230,9 +230,7 @@ def test_wrong_input_is_named(tmp_path):
         with pytest.raises(InputError, match="cannot be read as a recording"):
             load_recording(tmp_path / "a.npz")
     np.savez(tmp_path / "b.npz", format=1)
-    with pytest.raises(
-        InputError, match=r"b\.npz: cannot be read as a recording: it holds format, … and no commands, expected"
-    ):
+    with pytest.raises(InputError, match=r"b\.npz: .* it holds format, … and no commands, expected one of mp2a"):
         load_recording(tmp_path / "b.npz")
     with pytest.raises(InputError, match=r"path: got 'x\.bag', expected a name that ends in"):
         save_recording(RECORDING, tmp_path / "x.bag")

@@ -22,7 +22,7 @@ from mp2a.schedule import (
     kogge_stone,
     motion,
     neighbours,
-    relay,
+    pipeline,
     rounds_needed,
     shifted,
     sweep,
@@ -68,7 +68,7 @@ def test_eight_robots_send_17_messages_a_recurrence():
 
 @every_size
 def test_a_round_is_one_message_between_two_robots(n):
-    for schedule in (kogge_stone(n), relay(n)):
+    for schedule in (kogge_stone(n), pipeline(n)):
         for round_ in schedule.rounds:
             sources = np.concatenate([source for _, source, _ in round_.transfers])
             targets = np.concatenate([target for _, _, target in round_.transfers])
@@ -116,7 +116,7 @@ def test_forces_mirror_velocities(n):
 
 @every_size
 def test_printed_schedule_lists_every_message_once(n):
-    for schedule in (kogge_stone(n), relay(n)):
+    for schedule in (kogge_stone(n), pipeline(n)):
         printed = []
         for line in str(schedule).splitlines():
             recurrence, _, index, kind, *pairs = line.split()
@@ -132,8 +132,8 @@ def test_printed_schedule_lists_every_message_once(n):
 
 
 @every_size
-def test_relay_passes_through_every_robot_and_back(n):
-    schedule = relay(n)
+def test_pipeline_passes_through_every_robot_and_back(n):
+    schedule = pipeline(n)
     hops = [(int(s[0]), int(t[0])) for round_ in schedule.rounds for _, s, t in round_.transfers]
     assert hops == [(i, i + 1) for i in range(n - 1)] + [(i + 1, i) for i in reversed(range(n - 1))]
     count = schedule.count({"motion": 12, "force": 6})

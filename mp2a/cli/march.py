@@ -271,21 +271,21 @@ def _mcap(recording: "Recording", options: argparse.Namespace) -> Path:
 
 
 def _paths(recording: "Recording", options: argparse.Namespace) -> Path:
-    from mp2a.plot.march import march
+    from mp2a.plot import march_figure, save_figure
 
-    return march(recording, _named(options, ".png"))
+    return save_figure(march_figure(recording), _named(options, ".png"))
 
 
 def _speeds(recording: "Recording", options: argparse.Namespace) -> Path:
-    from mp2a.plot.speeds import speeds
+    from mp2a.plot import save_figure, speeds_figure
 
-    return speeds(recording, _named(options, "-speeds.png"))
+    return save_figure(speeds_figure(recording), _named(options, "-speeds.png"))
 
 
 def _animation(recording: "Recording", options: argparse.Namespace) -> Path:
-    from mp2a.plot.animation import animation
+    from mp2a.plot import save_animation
 
-    return animation(recording, _named(options, ".gif"), quiet=options.quiet)
+    return save_animation(recording, _named(options, ".gif"), quiet=options.quiet)
 
 
 _WRITERS: "dict[str, Callable[[Recording, argparse.Namespace], Path]]" = {

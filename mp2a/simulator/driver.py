@@ -29,12 +29,8 @@ class Ending(NamedTuple):
     def of_all(cls, parts: "Sequence[Ending]") -> "Ending":
         """Join what the robots of all processes know, in the order of the robots."""
         places, over, errors, blocked = zip(*parts, strict=True)
-        return cls(
-            np.concatenate(places),
-            np.concatenate(over),
-            tuple(sum(errors, ())),
-            np.concatenate(blocked),
-        )
+        causes = tuple(cause for own in errors for cause in own)
+        return cls(np.concatenate(places), np.concatenate(over), causes, np.concatenate(blocked))
 
 
 class SimulationDriver:

@@ -5,12 +5,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.checks import count, positive
+from mp2a.checks import between, count, positive
 from mp2a.simulator.world import rectangles
 from mp2a.spatial import Array
 
 Indices = NDArray[np.intp]
 
+_MOST_RAYS = 100_000
 _BLOCK = 4096  # segments at a time: what they need stays in the cache
 
 
@@ -32,10 +33,11 @@ class Lidar(NamedTuple):
 
     def check(self) -> None:
         """Raise InputError unless all fields make sense."""
-        count("lidar.rays", self.rays)
-        positive("lidar.period", self.period)
+        between("lidar.rays", count("lidar.rays", self.rays), 1, _MOST_RAYS, "a scan")
+        between("lidar.period", self.period, 1e-3, 1e3, "s")
+        between("lidar.delay", self.delay, 0, 60, "s")
         positive("lidar.farthest", self.farthest)
-        for name in ("delay", "nearest", "noise"):
+        for name in ("nearest", "noise"):
             positive(f"lidar.{name}", getattr(self, name), or_zero=True)
 
     @property

@@ -1,4 +1,4 @@
-"""MuJoCo, which shares no code with pinocchio, as a second witness."""
+"""MuJoCo, which shares no code with pinocchio, as a second cross-check."""
 
 import numpy as np
 import pytest
