@@ -8,11 +8,11 @@ Appends to results/latency.json, goes on where it was, draws results/latency.png
 import argparse
 from pathlib import Path
 
+from mp2a.bench.sweep import sweep
 from rich.console import Console
 
 from mp2a.bench import results
 from mp2a.bench.settings import Settings
-from mp2a.bench.sweep import sweep
 from mp2a.network import EmulatedNetwork
 from mp2a.plot import latency_figure, save_figure
 from mp2a.plot.latency import CONTENDERS, emulated

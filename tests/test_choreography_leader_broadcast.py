@@ -116,9 +116,9 @@ def test_what_is_wrong_is_raised_where_the_exchange_shares_it():
         calls = ()
 
         @contextmanager
-        def broadcast_together(self):
+        def together(self, call):
             try:
-                yield self.broadcast
+                yield call
             except InputError:
                 self.calls = (*self.calls, "shared error")
                 raise

@@ -13,10 +13,11 @@ from mp2a.formation.choreography.force_field import avoidance
 from mp2a.formation.choreography.ideal import run as ideal_run
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
-from mp2a.formation.pose_history import Odometry, into_frame, onto_ground
+from mp2a.formation.pose_history import PoseHistory
 from mp2a.formation.robot_models import HUSKY, TRADR
 from mp2a.formation.tracking import commands
 from mp2a.plot.speeds import speeds_figure
+from mp2a.se2 import act, act_inverse
 from mp2a.simulator import (
     ChoreographySimulationDriver,
     EventKind,
@@ -76,20 +77,19 @@ def test_what_stands_still_is_put_where_it_is_whatever_the_robot_has_driven(spee
     times = np.arange(0, 1.05, 0.01)
     twist = np.array([[speed, turn]])
     poses = [move(np.array([[1.0, 2.0, heading]]), twist, t) for t in times]
-    memory = Odometry(1)
+    memory = PoseHistory(1)
     for time, pose in zip(times, poses, strict=True):
         memory.add(time, pose)
     then = memory.at(np.array([times[-1] - age]))
     exact = move(poses[-1], twist, -age)
     np.testing.assert_allclose(then, exact, atol=2e-4)
-    point = np.array([[3.0, -1.0]])
-    seen = onto_ground(into_frame(np.array([5 + 5j]), exact), then)
-    assert abs(seen[0] - (5 + 5j)) < 5e-3
-    np.testing.assert_allclose(into_frame(onto_ground(point, exact), exact), point, atol=1e-12)
+    place = np.array([[5.0, 5.0]])
+    seen = act(then, act_inverse(exact, place))
+    assert np.hypot(*(seen - place)[0]) < 5e-3
 
 
 def test_a_heading_that_wraps_is_no_turn_and_what_is_older_than_the_memory_is_its_beginning():
-    memory = Odometry(2)
+    memory = PoseHistory(2)
     memory.add(0.0, np.array([[0, 0, 3.1], [1, 0, 0]]))
     memory.add(0.1, np.array([[0, 0, -3.1], [2, 0, 0]]))
     half = memory.at(np.array([0.05, -9.0]))
@@ -273,7 +273,7 @@ def test_a_silent_sensor_stops_its_robot_and_the_one_behind_does_not_run_into_it
         simulation.silence(1, simulation.time >= 1.95)
 
     march_, simulation, recording = march("line", 3, until=14, change=silence)
-    assert march_.state.failed.tolist() == [False, True, False]
+    assert march_.state.errors.failed.tolist() == [False, True, False]
     assert [event.robot for event in recording.events if event.kind is EventKind.ERROR_STATE] == [1]
     assert (recording.commands[30:-1, 1] == 0).all()
     assert simulation.poses[0, 0] > 5

@@ -16,13 +16,13 @@ from mp2a.bench.simgrid import (
     NETWORKS,
     SPEED,
     ComputePhase,
-    MessagePhase,
     Flow,
+    MessagePhase,
     SimulatedNetwork,
-    schedule_program,
     gather_scatter_program,
     platform,
     replay,
+    schedule_program,
     simulate,
 )
 from mp2a.exceptions import DependencyError, InputError

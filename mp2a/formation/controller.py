@@ -217,7 +217,7 @@ class FormationController:
         if follows:
             plan = self.exchange.send_to_children(np.concatenate(own, axis=-1))
             joints = PlanarMotion(plan[:, :3], plan[:, 3:6], plan[:, 6:]).relative(own)
-        with self.exchange.run_together() as run:
+        with self.exchange.together(self.exchange.run) as run:
             points = sensing.nothing(len(own.pose)) if sensed is None else sensing.check(sensed, len(own.pose))
             errors = state.errors.after_scan(self.time, points.heard)
             push, contact = self._push(points, errors.failed)

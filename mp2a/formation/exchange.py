@@ -5,7 +5,8 @@ Either exchange serves arrays of the m robots of its process: all n in one proce
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,7 @@ Run: TypeAlias = Callable[[PlanarMotion, Array], PlanarDynamics]
 """`Exchange.run`, or what `Exchange.together` makes of it."""
 Broadcast: TypeAlias = Callable[[Array], Array]
 """`Exchange.broadcast`, or what `Exchange.together` makes of it."""
+Call = TypeVar("Call", bound=Callable[..., Any])
 
 
 class Exchange(Protocol):
@@ -61,15 +63,11 @@ class Exchange(Protocol):
         """
         ...
 
-    def run_together(self) -> AbstractContextManager[Run]:
-        """Return a context that gives `run`, to be called once in it.
+    def together(self, call: Call) -> AbstractContextManager[Call]:
+        """Return a context that gives a method of this exchange, to be called once in it.
 
-        What is raised in the context before the call, in any process, is raised in all that call it.
+        What is raised in the context before the call, in any process, is raised in all that make the call.
         """
-        ...
-
-    def broadcast_together(self) -> AbstractContextManager[Broadcast]:
-        """Return the same for `broadcast`."""
         ...
 
 
@@ -107,13 +105,9 @@ class LocalExchange:
             return _in_the_plane(result, *placements(self.model, q))
         return _in_the_plane(result, result.rotation, result.position)
 
-    def run_together(self) -> AbstractContextManager[Run]:
-        """Return `run`: an error here is nobody else's."""
-        return nullcontext(self.run)
-
-    def broadcast_together(self) -> AbstractContextManager[Broadcast]:
-        """Return `broadcast`: an error here is nobody else's."""
-        return nullcontext(self.broadcast)
+    def together(self, call: Call) -> AbstractContextManager[Call]:
+        """Return the call itself: an error here is nobody else's."""
+        return nullcontext(call)
 
 
 class MPIExchange:
@@ -143,14 +137,14 @@ class MPIExchange:
         return self._run(self.ranks.rnea, joints, external)
 
     @contextmanager
-    def run_together(self) -> Iterator[Run]:
-        """Share an error of any rank before `run` with all."""
-        with self.ranks.together(self.ranks.rnea) as shared_rnea:
-            yield lambda joints, external: self._run(shared_rnea, joints, external)
-
-    def broadcast_together(self) -> AbstractContextManager[Broadcast]:
-        """Share an error of any rank before `broadcast` with all."""
-        return self.ranks.together(self.ranks.broadcast)
+    def together(self, call: Call) -> Iterator[Call]:
+        """Share an error of any rank before `run` or `broadcast` with all."""
+        if call == self.broadcast:
+            with self.ranks.together(self.ranks.broadcast) as shared:
+                yield shared
+        else:
+            with self.ranks.together(self.ranks.rnea) as shared:
+                yield cast("Call", partial(self._run, shared))
 
     def _run(self, call: Callable[..., InverseDynamics], joints: PlanarMotion, external: Array) -> PlanarDynamics:
         q, v, a, forces = (x[:, 0] for x in _joint_state(joints, external))

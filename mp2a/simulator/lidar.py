@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mp2a.checks import between, count, positive
+from mp2a.se2 import act_inverse, wrap
 from mp2a.simulator.world import rectangles
 from mp2a.spatial import Array
 
@@ -74,7 +75,7 @@ def ranges(lidar: Lidar, poses: Array, lengths: Array, widths: Array, segments: 
     for seers, ends in (_of_world(lidar, poses, segments), _of_robots(lidar, poses, lengths, widths)):
         for k in range(0, len(seers), _BLOCK):
             here = seers[k : k + _BLOCK]
-            local = _into_frames(poses[here], ends[k : k + _BLOCK])
+            local = act_inverse(poses[here][:, None], ends[k : k + _BLOCK])
             pairs, rays = _candidates(lidar, local)
             far = _meet(directions[rays], local, pairs)
             np.minimum.at(found.reshape(-1), here[pairs] * lidar.rays + rays, far)
@@ -106,7 +107,7 @@ def _of_robots(lidar: Lidar, poses: Array, lengths: Array, widths: Array) -> tup
     np.fill_diagonal(near, False)
     seers, others = np.nonzero(near)
     # Where the robot is, as seen from the other's middle, tells which sides of the other's rectangle face it.
-    x, y = _turned_back(poses[others, 2], poses[seers, :2] - poses[others, :2]).T
+    x, y = act_inverse(poses[others], poses[seers, :2]).T
     half_x, half_y = lengths[others] / 2, widths[others] / 2
     pairs, side = np.nonzero(np.stack((y > half_y, x < -half_x, y < -half_y, x > half_x), axis=-1))
     corners = rectangles(poses, lengths, widths)
@@ -114,24 +115,11 @@ def _of_robots(lidar: Lidar, poses: Array, lengths: Array, widths: Array) -> tup
     return seers[pairs], np.stack((corners[seen, side], corners[seen, (side + 1) % 4]), axis=1)
 
 
-def _into_frames(poses: Array, ends: Array) -> Array:
-    """Express segments ``(p, 2, 2)`` of the ground frame in the frame of a robot each, at poses ``(p, 3)``."""
-    return _turned_back(poses[:, 2, None], ends - poses[:, None, :2])
-
-
-def _turned_back(headings: Array, vectors: Array) -> Array:
-    """Turn vectors ``(…, 2)`` of the ground frame into frames with these headings ``(…)``."""
-    cosine, sine = np.cos(headings), np.sin(headings)
-    x, y = vectors[..., 0], vectors[..., 1]
-    return np.stack((cosine * x + sine * y, cosine * y - sine * x), axis=-1)
-
-
 def _candidates(lidar: Lidar, local: Array) -> tuple[Indices, Indices]:
     """Find which rays may meet which segments, from the angle between a segment's ends."""
     step = 2 * np.pi / lidar.rays
     angles = np.arctan2(local[..., 1], local[..., 0])
-    turn = angles[:, 1] - angles[:, 0]
-    turn -= 2 * np.pi * np.round(turn / (2 * np.pi))
+    turn = wrap(angles[:, 1] - angles[:, 0])
     start = np.where(turn >= 0, angles[:, 0], angles[:, 1])
     first = np.floor(start / step - 1e-6).astype(np.intp)
     many = np.minimum(np.floor((start + np.abs(turn)) / step + 1e-6).astype(np.intp) - first + 1, lidar.rays)

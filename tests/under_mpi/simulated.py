@@ -37,7 +37,7 @@ with mp2a.DistributedModel(COMM, formation.model, "sweep") as ranks:
 if RANK:
     check(not {"shapely", "matplotlib", "rich", "lark", "numba", "pinocchio"} & set(sys.modules), RANK)
 parts = COMM.gather((np.array(mine.leaders), mine.events, mine.record))
-check(bool(mine.march.state.failed[0]) == (RANK == SIZE - 1))
+check(bool(mine.march.state.errors.failed[0]) == (RANK == SIZE - 1))
 if RANK == 0:
     whole = FormationSimulationDriver(
         FormationController(formation, PATH, LocalExchange(formation.model, "sweep")), HUSKY

@@ -1,7 +1,7 @@
 """A choreography that runs: poses and points in, commands out, ten times a second."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from typing import NamedTuple
 
 import numpy as np
@@ -198,7 +198,7 @@ class Choreography:
         n = len(self.program)
         tick = self._tick(t)
         due = self._exchange is not None and tick > self.state.tick  # in every process
-        with self._exchange.broadcast_together() if self._exchange is not None and due else nullcontext() as broadcast:
+        with self._together(due) as broadcast:
             place = _rows("poses", poses, (n, 3))
             _rows("twists", twists, (n, 2))
             state = self._sense(t, place, points)
@@ -219,6 +219,11 @@ class Choreography:
         gap_error = np.where(known, gap_error, state.gap_error)
         self.state = state._replace(queues=queues._replace(head=head), raw_command=raw, gap_error=gap_error)
         return safe_commands(raw, self.fleet.fastest, state.signals, failed | ~known)
+
+    def _together(self, due: bool) -> AbstractContextManager[Broadcast | None]:
+        """Return a context that shares errors with all processes, if all are about to exchange something."""
+        exchange = self._exchange
+        return exchange.together(exchange.broadcast) if due and exchange is not None else nullcontext()
 
     def _tick(self, t: float) -> int:
         """Count ticks up to ``t``; -1 before the start."""
