@@ -77,6 +77,11 @@ class SimulationDriver:
         """Return the commands ``(m, 2)`` of the robots here for what they know; m/s and rad/s."""
         raise NotImplementedError
 
+    def step_until_done(self, sensed: Observation) -> Array | None:
+        """Do a step, and return None instead of commands once the robots are `done`: a `Controller`."""
+        commands = self.step(sensed)
+        return None if self.done else commands
+
     def _on_ground(self, sensed: Observation) -> tuple[Array, NDArray[np.intp]]:
         """Return points ``(k, 2)`` m in the ground frame, by where robots were at the time of the scan, and whose."""
         self._history.add(sensed.time, sensed.poses)

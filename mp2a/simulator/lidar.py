@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mp2a.checks import between, count, positive
-from mp2a.se2 import act_inverse, wrap
+from mp2a.se2 import act_inverse
 from mp2a.simulator.world import rectangles
 from mp2a.spatial import Array
 
@@ -75,7 +75,7 @@ def ranges(lidar: Lidar, poses: Array, lengths: Array, widths: Array, segments: 
     for seers, ends in (_of_world(lidar, poses, segments), _of_robots(lidar, poses, lengths, widths)):
         for k in range(0, len(seers), _BLOCK):
             here = seers[k : k + _BLOCK]
-            local = act_inverse(poses[here][:, None], ends[k : k + _BLOCK])
+            local = act_inverse(poses[here, None], ends[k : k + _BLOCK])
             pairs, rays = _candidates(lidar, local)
             far = _meet(directions[rays], local, pairs)
             np.minimum.at(found.reshape(-1), here[pairs] * lidar.rays + rays, far)
@@ -119,7 +119,8 @@ def _candidates(lidar: Lidar, local: Array) -> tuple[Indices, Indices]:
     """Find which rays may meet which segments, from the angle between a segment's ends."""
     step = 2 * np.pi / lidar.rays
     angles = np.arctan2(local[..., 1], local[..., 0])
-    turn = wrap(angles[:, 1] - angles[:, 0])
+    turn = angles[:, 1] - angles[:, 0]
+    turn -= 2 * np.pi * np.round(turn / (2 * np.pi))
     start = np.where(turn >= 0, angles[:, 0], angles[:, 1])
     first = np.floor(start / step - 1e-6).astype(np.intp)
     many = np.minimum(np.floor((start + np.abs(turn)) / step + 1e-6).astype(np.intp) - first + 1, lidar.rays)

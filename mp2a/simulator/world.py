@@ -143,8 +143,8 @@ def rectangles(poses: Array, lengths: Array, widths: Array) -> Array:
     ndarray
         ``(n, 4, 2)`` m, counter-clockwise from the front left corner.
     """
-    half = np.stack((lengths, widths), axis=-1)[:, None] / 2
-    return act(poses[:, None], half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]))
+    signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    return act(poses[:, None], signs * np.stack((lengths, widths), axis=-1)[:, None] / 2)
 
 
 def _corners(name: str, given: ArrayLike, closed: bool) -> Array:
