@@ -1,6 +1,7 @@
 """The scenario language: what parses, what does not and where, and that text and data are the same thing."""
 
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mp2a.exceptions import InputError
+from mp2a.exceptions import DependencyError, InputError
+from mp2a.formation.choreography import syntax
 from mp2a.formation.choreography.check import demo
 from mp2a.formation.choreography.program import CIRCLE, MEET, MOVE, SHAPE, compile_program
 from mp2a.formation.choreography.reading import parse, read
@@ -291,3 +293,10 @@ def test_any_text_is_a_scenario_or_a_clear_error(text):
     else:
         assert not any(finding.serious for finding in found)
         assert parse(format(scenario)) == scenario
+
+
+def test_a_missing_parser_is_named_with_the_extra_that_has_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "lark", None)
+    syntax._parser.cache_clear()
+    with pytest.raises(DependencyError, match=r"reading a scenario needs lark, .*pip install 'mp2a\[formation\]'"):
+        parse("robots R1\nrow R1 0 0\nmove 1 0")
