@@ -43,7 +43,7 @@ CLOUDS = st.lists(CELLS, min_size=1, max_size=20).map(lambda cells: (np.array(ce
 
 def seen(*clouds, model=HUSKY):
     n = len(clouds)
-    points, robot, _ = pack(clouds, n)
+    points, robot, _ = pack(clouds, n, finite=False)
     signals = stop_signals(points, robot, np.full(n, model.length), np.full(n, model.width))
     sides = forces(points, robot, np.full(n, model.width))
     return SimpleNamespace(sides=sides, force=sides.sum(axis=1), **signals._asdict())

@@ -77,8 +77,8 @@ class Formation:
         layout = named(shape, robots, spacing)
         values = []
         for name, value in (("mass", mass), ("inertia", inertia)):
-            given = np.asarray(value)
-            values.append(array(name, np.full(robots, value) if given.ndim == 0 else given, (robots,)))
+            numbers = np.asarray(value)
+            values.append(array(name, np.full(robots, value) if numbers.ndim == 0 else numbers, (robots,)))
         return cls(layout, *values)
 
     def __len__(self) -> int:

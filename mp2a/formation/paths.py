@@ -249,13 +249,13 @@ def _along(piece: Line | Arc, length: float, position: complex, heading: float) 
 
 
 def _points(points: ArrayLike) -> Complex:
-    given = array("points", points, (None, 2))
-    if len(given) < 2:
-        raise InputError(f"points: got {len(given)}, expected at least two")
-    out = as_complex(given)
+    rows = array("points", points, (None, 2))
+    if len(rows) < 2:
+        raise InputError(f"points: got {len(rows)}, expected at least two")
+    out = as_complex(rows)
     same = np.flatnonzero(np.abs(np.diff(out)) < 1e-9)
     if same.size:
-        raise InputError(f"points: got {given[same[0]].tolist()} twice in sequence, expected different points")
+        raise InputError(f"points: got {rows[same[0]].tolist()} twice in sequence, expected different points")
     return out
 
 

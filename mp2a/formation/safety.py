@@ -109,9 +109,9 @@ class ErrorStates(NamedTuple):
         """Return the states of n robots that are well."""
         return cls(np.full(n, last_scan_time), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=bool))
 
-    def after_look_up(self, found: Flags) -> "ErrorStates":
+    def after_look_up(self, located: Flags) -> "ErrorStates":
         """Return the states after the poses have been looked up: a robot fails with the third loss in a row."""
-        lost = np.where(found, 0, self.lost_poses + 1)
+        lost = np.where(located, 0, self.lost_poses + 1)
         return self._replace(lost_poses=lost, failed=self.failed | (lost >= LOST_POSES))
 
     def after_scan(self, time: float, arrived: Flags) -> "ErrorStates":

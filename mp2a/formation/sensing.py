@@ -23,23 +23,32 @@ class SensedPoints(NamedTuple):
     """``(m,)``: whether the sensor said anything; no points from one that did means that nothing is near"""
 
 
-def pack(points: Sequence[ArrayLike | None], robots: int | None = None) -> SensedPoints:
+def pack(points: Sequence[ArrayLike | None], robots: int | None = None, *, finite: bool = True) -> SensedPoints:
     """Pack one array ``(k, 2)`` a robot; None for a sensor that has said nothing.
+
+    Parameters
+    ----------
+    points
+        m, each in the frame of the robot that sensed it.
+    robots
+        How many there have to be; None: any number.
+    finite
+        Whether other numbers are refused; a LIDAR may have some where it sees nothing.
 
     Raises
     ------
     InputError
-        If one of them is not ``(k, 2)`` numbers, or there is not one entry for each of so many ``robots``.
+        If one of them is not ``(k, 2)`` numbers, or there is not one entry a robot.
     """
     if robots is not None and len(points) != robots:
         raise InputError(f"points: got {len(points)} entries, expected {robots}, one a robot (None: no new data)")
     clouds = []
     for i, cloud in enumerate(points):
-        given = np.empty((0, 2)) if cloud is None else numbers(f"points[{i}]", cloud)
-        given = given.reshape(-1, 2) if given.size == 0 else given
-        if given.ndim != 2 or given.shape[1] != 2:
-            raise InputError(f"points[{i}]: got shape {given.shape}, expected (k, 2)")
-        clouds.append(given)
+        rows = np.empty((0, 2)) if cloud is None else numbers(f"points[{i}]", cloud)
+        rows = rows.reshape(-1, 2) if rows.size == 0 else rows
+        if rows.ndim != 2 or rows.shape[1] != 2:
+            raise InputError(f"points[{i}]: got shape {rows.shape}, expected (k, 2)")
+        clouds.append(array(f"points[{i}]", rows, (None, 2)) if finite else rows)
     owners = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
     heard = np.array([cloud is not None for cloud in points], dtype=bool)
     return SensedPoints(np.concatenate(clouds) if clouds else np.empty((0, 2)), owners, heard)
@@ -87,8 +96,8 @@ class Discs:
     """
 
     def __init__(self, discs: ArrayLike = (), reach: float = 5.0) -> None:
-        given = np.asarray(discs)
-        self.discs = array("discs", np.empty((0, 3)) if given.size == 0 else given, (None, 3))
+        rows = np.asarray(discs)
+        self.discs = array("discs", np.empty((0, 3)) if rows.size == 0 else rows, (None, 3))
         if (self.discs[:, 2] < 0).any():
             raise InputError(f"discs: got a radius of {self.discs[:, 2].min()}, expected none below zero")
         self.reach = reach

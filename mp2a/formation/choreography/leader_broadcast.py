@@ -72,8 +72,8 @@ def broadcast_leaders(
         Of all n robots; poses and twists are what the scan says where the robots of this process are.
     """
     here, n, many = exchange.robots, len(shared.leader), len(shared.first)
-    told = np.zeros(many) if leaders is None else leaders.step[shared.first].astype(float)
-    step = (broadcast or exchange.broadcast)(told).astype(np.intp)[shared.leader]
+    steps = np.zeros(many) if leaders is None else leaders.step[shared.first].astype(float)
+    step = (broadcast or exchange.broadcast)(steps).astype(np.intp)[shared.leader]
     slot = shared.slots[np.arange(n), step]
     joints = PlanarMotion.at_rest(np.zeros((many, len(here), 3)))
     joints.pose[..., :2] = np.diff(slot, axis=0, prepend=0.0)[here]

@@ -258,19 +258,21 @@ class _Reader:
             self.note(words[0], f"{name}: got {words[0].text} m, expected 0 where there is no gap")
         return tuple(values)
 
-    def spacings(self, given: Sequence[Sequence[Word]], sizes: Sequence[int]) -> tuple[tuple[float, ...], ...]:
+    def spacings(self, lengths: Sequence[Sequence[Word]], sizes: Sequence[int]) -> tuple[tuple[float, ...], ...]:
         """Read the spacings of every row; one row of numbers stands for all."""
         name = "spacings in a row"
-        if len(given) == 1 and len(given[0]) == 1 and max(sizes) > 1:
+        if len(lengths) == 1 and len(lengths[0]) == 1 and max(sizes) > 1:
             # One number for the whole formation: rows of one robot have no use for it.
-            found = {size: self.gaps(given[0], size - 1, name) for size in sorted(set(sizes) - {1})}
-            return tuple(found.get(size, ()) for size in sizes)
-        if len(given) == 1:
-            given = [given[0]] * len(sizes)
-        if len(given) != len(sizes):
-            self.note(given[0][0], f"{name}: got {len(given)} rows of numbers, expected {len(sizes)} or one for all")
+            gaps = {size: self.gaps(lengths[0], size - 1, name) for size in sorted(set(sizes) - {1})}
+            return tuple(gaps.get(size, ()) for size in sizes)
+        if len(lengths) == 1:
+            lengths = [lengths[0]] * len(sizes)
+        if len(lengths) != len(sizes):
+            self.note(
+                lengths[0][0], f"{name}: got {len(lengths)} rows of numbers, expected {len(sizes)} or one for all"
+            )
             return tuple(() for _ in sizes)
-        return tuple(self.gaps(row, size - 1, name) for row, size in zip(given, sizes, strict=True))
+        return tuple(self.gaps(row, size - 1, name) for row, size in zip(lengths, sizes, strict=True))
 
 
 _SHAPES = {

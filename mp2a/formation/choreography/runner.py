@@ -238,7 +238,7 @@ class Choreography:
         errors = state.errors.after_look_up(np.logical_and.reduce(np.isfinite(poses), axis=1))
         if points is None and np.isnan(errors.last_scan_time).all():
             return state._replace(errors=errors)
-        cloud, robot, heard = sensing.pack([None] * n if points is None else points, n)
+        cloud, robot, heard = sensing.pack([None] * n if points is None else points, n, finite=False)
         pushing = teammates.obstacles_among(cloud, robot, poses, state.expected, self.fleet.radius)
         force = force_field.forces(cloud[pushing], robot[pushing], self.fleet.width)
         signals = stop_signals(cloud, robot, self.fleet.length, self.fleet.width)
