@@ -17,7 +17,7 @@ scenario = parse((Path(__file__).parent / "scenarios" / "listing_6_3.txt").read_
 dance = Choreography(scenario, TRADR, exchange=LocalExchange(planar_chain(len(scenario.robots)), "kogge-stone"))
 done = run(dance)
 # What a rigid tie to the leader asks of a robot: the outer one in an arc has to be faster.
-places = done.leader_twists[..., 0] - done.leader_twists[..., 1] * done.places[..., 1]
+places = done.leader_twists[..., 0] - done.leader_twists[..., 1] * done.slots[..., 1]
 
 print("ideal robots; mean forward speed in m/s during each instruction: of the robot's place / of the robot")
 print(f"{'began':>6} {'ended':>6}  {'instruction':<30}" + "".join(f"{robot:>14}" for robot in dance.robots))

@@ -27,7 +27,7 @@ def ideal(text):
     run = ideal_run(Choreography(parse(text), HUSKY))
     lanes = run.leader_poses.copy()
     side = np.zeros_like(lanes)
-    side[..., 1] = run.places[..., 1]
+    side[..., 1] = run.slots[..., 1]
     lanes = compose(lanes, side)
     errors = [path_error(run.poses[:, i, :2], lanes[:, i, :2]) for i in range(lanes.shape[1])]
     return run.poses[-1, :, :2], np.array(errors)
