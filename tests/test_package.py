@@ -69,9 +69,10 @@ def loaded_by(statement):
         "import mp2a; mp2a.Model.uniform(4).random_state(body=2); mp2a.InputError; mp2a.InverseDynamics",
         "import mp2a; c = mp2a.Model.uniform(4); mp2a.rnea(c, *c.random_state(), method='kogge-stone')",
         "import mp2a.distributed",
-        "import mp2a.simulator.ranks; from mp2a.simulator import Dance, Marchers, Observation",
+        "import mp2a.simulator, mp2a.simulator.ranks, mp2a.simulator.outcomes",
         "import mp2a, mp2a.formation.robot_models",
-        "from mp2a.formation import *; March(Formation.of('line', 3), waypoints([[0, 0], [1, 0]])).step()",
+        "from mp2a.formation import *\n"
+        "FormationController(Formation.of('line', 3), waypoints([[0, 0], [1, 0]])).step()",
         "from mpi4py import MPI; import mp2a; c = mp2a.Model.uniform(1)\n"
         "with mp2a.DistributedModel(MPI.COMM_SELF, c) as d: d.rnea(*c.random_state())",
     ],

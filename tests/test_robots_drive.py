@@ -16,7 +16,6 @@ from mp2a import launch
 from mp2a.cli import main
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography.ideal import run as ideal_run
-from mp2a.formation.choreography.places import compose
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.outcome import status
@@ -31,6 +30,7 @@ from mp2a.robots.planner import ChoreographyPlanner, origin_of
 from mp2a.robots.robot_config import ROBOT_CONFIGS
 from mp2a.robots.sender import Sender
 from mp2a.robots.simulated import SimulationClock
+from mp2a.se2 import compose
 from mp2a.simulator import NO_SLIP, PHYSICS_ENGINE_SLIP, Simulation, World
 
 SCENARIOS = Path(__file__).parents[1] / "examples" / "scenarios"
@@ -42,7 +42,7 @@ POSE = st.tuples(*[st.floats(-5, 5)] * 3)
 def simulated(scenario, world=None, slip=NO_SLIP):
     """Drivers of simulated robots, in one process."""
     configs = [ROBOT_CONFIGS["husky"]] * len(scenario.robots)
-    places = Choreography(scenario, HUSKY).places()
+    places = Choreography(scenario, HUSKY).slot_poses()
     simulation = Simulation(World() if world is None else world, HUSKY, places, slip=slip)
     clock = SimulationClock(simulation, 0.05, range(len(places)))
     drivers = [

@@ -81,7 +81,7 @@ def assert_same(steps, again):
 def simulated():
     """A drive with slip in the simulator, past something that pushes, up to something that stops."""
     world = parse_world("[[disc]]\ncentre = [2.2, 1.6]\nradius = 0.2\n[[wall]]\npoints = [[1, -2.6], [5, -2.6]]\n")
-    simulation = Simulation(world, HUSKY, Choreography(TWO, HUSKY).places(), slip=PHYSICS_ENGINE_SLIP)
+    simulation = Simulation(world, HUSKY, Choreography(TWO, HUSKY).slot_poses(), slip=PHYSICS_ENGINE_SLIP)
     clock = SimulationClock(simulation, 0.05, range(2))
     return drive(TWO, clock.robots, clock, False)
 

@@ -71,18 +71,18 @@ def test_a_cloud_that_is_written_reads_back(flat):
 @given(POINTS)
 def test_what_is_published_is_what_the_choreography_obeys(cloud):
     dance = Choreography(AHEAD, HUSKY)
-    dance.step(0.0, dance.places(), [[0, 0]], [cloud])
+    dance.step(0.0, dance.slot_poses(), [[0, 0]], [cloud])
     robot, heard = told()
     robot.show(cloud)
-    assert heard["/stop_front"] == [("Bool", (bool(dance.state.seen.front[0]),))]
-    assert heard["/stop_rear"] == [("Bool", (bool(dance.state.seen.rear[0]),))]
+    assert heard["/stop_front"] == [("Bool", (bool(dance.state.signals.front[0]),))]
+    assert heard["/stop_rear"] == [("Bool", (bool(dance.state.signals.rear[0]),))]
     ((kind, message),) = heard["/obstacles"]
     near = read(message)[:, :2]
     assert (kind, message[0]) == ("PointCloud2", "base_link")
     # Nothing that counts is missing, nothing is there that does not: the robot is pushed alike.
     again = Choreography(AHEAD, HUSKY)
-    again.step(0.0, again.places(), [[0, 0]], [near])
-    assert again.state.seen.force.tolist() == dance.state.seen.force.tolist()
+    again.step(0.0, again.slot_poses(), [[0, 0]], [near])
+    assert again.state.force.tolist() == dance.state.force.tolist()
     assert len(near) == sum(abs(x) < 2 and abs(y) < 2 for x, y in cloud)
 
 

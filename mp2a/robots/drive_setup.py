@@ -125,7 +125,7 @@ def set_up(
         for role, others in zip(scenario.robots, comm.allgather(terms), strict=True):
             check_terms(roles[0], terms, role, others)
     config = AdapterConfig(
-        robots.adapter, configs, whole.places(), roles, comm, armed, robots.world, robots.recording, robots.begin
+        robots.adapter, configs, whole.slot_poses(), roles, comm, armed, robots.world, robots.recording, robots.begin
     )
     result = adapter.make(config)
     in_place = adapter.own_frames and robots.origin == "in-place"

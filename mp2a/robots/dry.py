@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from mp2a.formation.choreography.ideal import drive
-from mp2a.formation.choreography.runner import Fleet
+from mp2a.formation.choreography.fleet import Fleet
+from mp2a.formation.choreography.ideal import obey
 from mp2a.formation.robot_models import RobotModel
 from mp2a.robots.adapters import AdapterConfig, AdapterResult
 from mp2a.robots.clock import VirtualClock
@@ -32,7 +32,7 @@ class DryRobot:
     has_lidar = over = False
 
     def __init__(self, model: RobotModel, pose: Array) -> None:
-        self._fleet = Fleet(*(np.array([getattr(model, name)]) for name in Fleet._fields))
+        self._fleet = Fleet.of([model])
         self._pose = np.array(pose, dtype=float)[None]
         self._twist = np.zeros((1, 2))
         self._command = np.zeros((1, 2))
@@ -40,7 +40,7 @@ class DryRobot:
 
     def advance(self, t: float) -> None:
         """Drive until ``t`` s."""
-        self._pose, self._twist = drive(self._fleet, self._pose, self._twist, self._command, t - self._time)
+        self._pose, self._twist = obey(self._fleet, self._pose, self._twist, self._command, t - self._time)
         self._time = t
 
     def sense(self) -> Sensed:

@@ -5,11 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mp2a.exceptions import InputError
-from mp2a.formation.choreography import follower
 from mp2a.formation.choreography.runner import Choreography
-from mp2a.formation.odometry import Odometry, into_frame, onto_ground
+from mp2a.formation.pose_history import PoseHistory
 from mp2a.robots.interface import NO_POSE, Sensed
-from mp2a.se2 import compose, inverse
+from mp2a.se2 import act, act_inverse, compose, inverse
 from mp2a.spatial import Array
 
 
@@ -54,7 +53,7 @@ class ChoreographyPlanner:
         if role not in dance.robots:
             raise InputError(f"role: got {role!r}, expected one of {', '.join(dance.robots)}")
         self.dance, self._has_lidar, self._points_age = dance, has_lidar, points_age
-        self._odometry = Odometry(1)
+        self._history = PoseHistory(1)
         self._own = dance.robots.index(role)
         self._error, self._held_since = "", np.inf
         n = len(dance.robots)
@@ -64,12 +63,12 @@ class ChoreographyPlanner:
 
     def place(self) -> Array:
         """Return the pose ``(3,)`` in the ground frame that the robot is to have at present, m and rad."""
-        out: Array = self.dance.places()[self._own]
+        out: Array = self.dance.slot_poses()[self._own]
         return out
 
     def leader(self) -> Array:
         """Return the point ``(2,)`` m whose path the robot follows: its virtual leader, moved into its lane."""
-        out: Array = follower.lanes(self.dance.state.leaders)[self._own]
+        out: Array = self.dance.state.leaders.points[self._own]
         return out
 
     def decide(self, t: float, sensed: Sensed) -> Decision:
@@ -80,9 +79,9 @@ class ChoreographyPlanner:
         self._points[own] = self._now(t, sensed)
         commands = dance.step(t, self._poses, self._twists, self._points if self._has_lidar else None)
         state = dance.state
-        if state.error[own] and not self._error:
-            self._error = "its pose was lost" if state.lost[own] else "its LIDAR was silent"
-        speed = state.asked[own, 0]
+        if state.errors.failed[own] and not self._error:
+            self._error = "its pose was lost" if state.errors.lost_poses[own] else "its LIDAR was silent"
+        speed = state.raw_command[own, 0]
         held = bool((sensed.stop_front and speed > 0) or (sensed.stop_rear and speed < 0))
         blocked = "" if self._error else _BY_SIGNAL if held else self._in_the_way(speed)
         self._held_since = min(self._held_since, t) if blocked else np.inf
@@ -100,13 +99,13 @@ class ChoreographyPlanner:
         """Return points where they are now, seen from the robot; as they came while it does not know where it is."""
         if not np.isfinite(sensed.pose).all():
             return sensed.points
-        self._odometry.add(t, sensed.pose[None])
+        self._history.add(t, sensed.pose[None])
         if sensed.points is None:
             return None
-        then = self._odometry.at(np.array([t - self._points_age]))[0]
+        then = self._history.at(np.array([t - self._points_age]))[0]
         if (then == sensed.pose).all():  # it stands: rounding shall not move points from cell to cell
             return sensed.points
-        return into_frame(onto_ground(np.asarray(sensed.points, dtype=float), then), sensed.pose)
+        return act_inverse(sensed.pose, act(then, sensed.points))
 
 
 def origin_of(place: Array, pose: Array) -> Array:

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from mp2a.formation.choreography import obstacles
-from mp2a.formation.choreography.constants import WINDOW
+from mp2a.formation.constants import WINDOW
+from mp2a.formation.safety import stop_signals
 from mp2a.robots import cloud
 from mp2a.robots.adapters import AdapterConfig, AdapterResult
 from mp2a.robots.interface import Sensed
@@ -89,8 +89,8 @@ class RosRobot:
 
     def show(self, points: Array) -> None:
         """Publish what points ``(k, 2)`` in the body's frame amount to, as the thesis' obstacle_detection does."""
-        seen = obstacles.look(points, np.zeros(len(points), dtype=np.intp), *self._size)
-        for stop, holds in zip(self._stops, (seen.front, seen.rear), strict=True):
+        signals = stop_signals(points, np.zeros(len(points), dtype=np.intp), *self._size)
+        for stop, holds in zip(self._stops, (signals.front, signals.rear), strict=True):
             stop(bool(holds[0]))
         near = points[(np.abs(points) < WINDOW / 2).all(axis=1)]
         header = self._node.header(self._config.body_frame)

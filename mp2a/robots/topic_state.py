@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mp2a.formation.choreography.obstacles import from_cloud
+from mp2a.formation.safety import from_cloud
 from mp2a.robots import cloud
 from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.robots.robot_config import RobotConfig

@@ -68,7 +68,7 @@ def drive(text, lidar, seed, longest=60.0):
     rng = np.random.default_rng(seed)
     scenario = parse(text)
     open_world()
-    robots = [InPhysics(Husky(*place), lidar, rng) for place in Choreography(scenario, HUSKY).places()]
+    robots = [InPhysics(Husky(*place), lidar, rng) for place in Choreography(scenario, HUSKY).slot_poses()]
     drivers = [
         Driver(role, robot, HERE, ChoreographyPlanner(Choreography(scenario, HUSKY), role, lidar, HERE.points_age))
         for role, robot in zip(scenario.robots, robots, strict=True)

@@ -60,7 +60,7 @@ class Run:
 def drive(huskies, tmp_path, text, wall=None, lidar=True):
     """Drive a scenario under mpirun, a rank a robot, in the physics engine; before a wall nobody arrives."""
     scenario = parse(text)
-    places = Choreography(scenario, HUSKY).places()
+    places = Choreography(scenario, HUSKY).slot_poses()
     robots = huskies({role: place.tolist() for role, place in zip(scenario.robots, places, strict=True)}, wall)
     (tmp_path / "scenario.txt").write_text(text)
     (tmp_path / "robots.toml").write_text(robots_toml(scenario.robots, lidar))
@@ -224,7 +224,7 @@ def test_killed_planners_leave_robots_that_stand(huskies, tmp_path):
     """SIGKILL to one rank while all drive: MPI ends the others, and every watchdog stops its robot."""
     text = (SCENARIOS / "listing_7_1.txt").read_text()
     scenario = parse(text)
-    places = Choreography(scenario, HUSKY).places()
+    places = Choreography(scenario, HUSKY).slot_poses()
     robots = huskies({role: place.tolist() for role, place in zip(scenario.robots, places, strict=True)})
     (tmp_path / "robots.toml").write_text(robots_toml(scenario.robots))
     killed = []

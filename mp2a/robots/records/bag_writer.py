@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from mp2a.dependencies import need
-from mp2a.formation.choreography.constants import HIGHEST, LOWEST
+from mp2a.formation.constants import HIGHEST, LOWEST
 from mp2a.robots import cloud
 from mp2a.robots.robot_config import RobotConfig
 from mp2a.robots.ticks import BEGINS, DriveTick, changes

@@ -1,9 +1,14 @@
-"""Every constant of the choreography with where it is from; "ours" where the thesis gives none."""
+"""Every constant that more than one part of the formation uses, and all of the choreography, with where it is from.
+
+Sections and equations are the thesis'; "ours" is what it gives no number for.
+"""
 
 import math
 
 TICK = 0.1
-"""s between two points of a virtual leader's path, and between two commands (section 4.3: 10 Hz; chapter 2)."""
+"""s between two points of a leader's path, and between two commands (section 4.3: 10 Hz; chapter 2)."""
+LONGEST_RUN = 3600.0
+"""s of a scenario that are run at most, unless told otherwise; ours."""
 
 # ---- virtual leader --------------------------------------------------------------------------------------------
 LEADER_LEAD = 0.5
@@ -34,8 +39,14 @@ TARGET_TOLERANCE = 0.3
 """m at which a point of the queue counts as reached (sections 4.3, 7.2.2)."""
 TARGET_AHEAD = 20
 """Points of the queue, 2 s of the leader's path, among which a reached one takes those before it along; ours."""
-CATCH_UP = 2.0
-"""Times the asked distance at which the queue is cleared (section 4.3)."""
+QUEUE_RESET_RATIO = 2.0
+"""Times the distance wanted at which the queue is cleared (section 4.3)."""
+CLOSING_SPEED = 0.2
+"""m/s by which a follower in a line that is too far behind is faster than its predecessor; ours."""
+
+# ---- team mates ------------------------------------------------------------------------------------------------
+MOST_TEAMMATES = 8
+"""Team mates that are looked for among a robot's points: the nearest ones; ours."""
 
 # ---- obstacles -------------------------------------------------------------------------------------------------
 FORCE_GAIN = 2.0
@@ -60,6 +71,6 @@ TURN_SIDE = 0.1
 
 # ---- failures --------------------------------------------------------------------------------------------------
 SILENCE = 0.3
-"""s without LIDAR data after which a robot is in its error state (section 5.1)."""
+"""s: a robot without LIDAR data for longer is in its error state (section 5.1)."""
 LOST_POSES = 3
 """Look-ups of the pose that fail in a row until then (section 5.1)."""

@@ -3,15 +3,15 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mp2a.formation.plane import Complex, point, turn
+from mp2a.se2 import wrap
 from mp2a.spatial import Array
 
-KEPT = 1.0
+MEMORY = 1.0
 """s of the past that are remembered; LIDAR data of the thesis are 0.3 s old."""
 
 
-class Odometry:
-    """Poses of m robots in the last second.
+class PoseHistory:
+    """The poses of m robots in the last second.
 
     Parameters
     ----------
@@ -25,31 +25,19 @@ class Odometry:
 
     def add(self, time: float, poses: Array) -> None:
         """Remember poses ``(m, 3)`` at a time in s that is later than those before."""
-        kept = self._times > time - KEPT
+        kept = self._times > time - MEMORY
         self._times = np.append(self._times[kept], time)
         self._poses = np.concatenate((self._poses[kept], np.asarray(poses)[None]))
 
     def at(self, stamps: ArrayLike) -> Array:
-        """Poses ``(m, 3)`` at a time for each robot, ``(m,)`` s; at the ends of the memory what it has there."""
+        """Return poses ``(m, 3)`` at a time for each robot, ``(m,)`` s; at the ends of the memory what it has there."""
         wanted = np.clip(stamps, self._times[0], self._times[-1])
-        late = np.clip(np.searchsorted(self._times, wanted, side="right"), 1, max(len(self._times) - 1, 1))
-        late = np.minimum(late, len(self._times) - 1)
+        last = len(self._times) - 1
+        late = np.clip(np.searchsorted(self._times, wanted, side="right"), min(1, last), last)
         early, robots = np.maximum(late - 1, 0), np.arange(len(wanted))
         span = self._times[late] - self._times[early]
         share = np.where(span > 0, (wanted - self._times[early]) / np.where(span > 0, span, 1.0), 1.0)[:, None]
         before, after = self._poses[early, robots], self._poses[late, robots]
         change = after - before
-        change[:, 2] -= 2 * np.pi * np.round(change[:, 2] / (2 * np.pi))
+        change[:, 2] = wrap(change[:, 2])
         return before + share * change
-
-
-def onto_ground(points: Array, poses: Array) -> Complex:
-    """Points ``(k, 2)`` in frames at poses ``(k, 3)`` or ``(3,)`` as x + i y in the ground frame."""
-    out: Complex = point(poses) + turn(poses[..., 2]) * point(points)
-    return out
-
-
-def into_frame(places: Complex, poses: Array) -> Array:
-    """Inverse of `onto_ground`: ``(k, 2)``."""
-    inside = (places - point(poses)) * turn(-poses[..., 2])
-    return np.stack((inside.real, inside.imag), axis=-1)
