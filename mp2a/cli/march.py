@@ -95,36 +95,27 @@ def _march_as_rank(options: argparse.Namespace) -> int:
 
 def _march_with(options: argparse.Namespace, comm: "MPI.Intracomm | None") -> int:
     """March with all robots in this process, or with one of them on each rank; rank 0 then has the world, too."""
+    from mp2a.simulator import RunRecorder, simulate
+
     setup, simulation = _agree(options, comm)
-    recorder = run = None
-    if simulation is not None:
-        recorder, run = _world_side(options, setup, simulation)
+    recorder = None if simulation is None else RunRecorder(simulation, setup.roles)
+
+    def run(controller: "Controller") -> None:
+        assert simulation is not None
+        simulate(simulation, controller, setup.until, recorder, quiet=options.quiet)
+
     with setup.driver(comm) as driver:
-        if comm is not None:
+        if comm is None:
+            run(driver.step_until_done)
+        else:
             from mp2a.simulator.ranks import simulate_over_ranks
 
-            simulate_over_ranks(comm, driver, run)
-        elif run is not None:
-            run(lambda sensed: _until_done(driver, driver.step(sensed)))
+            simulate_over_ranks(comm, driver, None if simulation is None else run)
         parts = [_Part.of(driver)] if comm is None else comm.gather(_Part.of(driver))
     result = 0
     if simulation is not None and recorder is not None and parts is not None:
         result = _finish(options, simulation, recorder, setup, parts)
     return result if comm is None else _for_all(comm, result)
-
-
-def _world_side(
-    options: argparse.Namespace, setup: MarchSetup, simulation: "Simulation"
-) -> "tuple[RunRecorder, Callable[[Controller], None]]":
-    """Return what records the simulation, and what runs it with a controller."""
-    from mp2a.simulator import RunRecorder, simulate
-
-    recorder = RunRecorder(simulation, setup.roles)
-    return recorder, lambda controller: simulate(simulation, controller, setup.until, recorder, quiet=options.quiet)
-
-
-def _until_done(driver: "SimulationDriver", commands: "Array") -> "Array | None":
-    return None if driver.done else commands
 
 
 class _Part(NamedTuple):
@@ -318,11 +309,8 @@ def _show(recording: "Recording", ends: list[Outcome]) -> None:
 
     way = np.hypot(*np.moveaxis(np.diff(recording.poses[..., :2], axis=0), -1, 0)).sum(axis=0)
     off = np.abs(recording.gaps - recording.leaders[..., 2])
-    columns = {
-        "way, m": [f"{each:.2f}" for each in way],
-        "fastest, m/s": [f"{each:.2f}" for each in np.abs(recording.twists[..., 0]).max(axis=0)],
-        "farthest off, m": [f"{each:.2f}" for each in np.nanmax(off, axis=0)],
-    }
+    fastest = np.abs(recording.twists[..., 0]).max(axis=0)
+    columns = {"way, m": way, "fastest, m/s": fastest, "farthest off, m": np.nanmax(off, axis=0)}
     for event in recording.events[:_PRINTED]:
         print(f"{event.time:6.1f} s  {event.text(recording.roles)}")
     if len(recording.events) > _PRINTED:

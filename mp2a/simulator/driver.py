@@ -29,12 +29,8 @@ class Ending(NamedTuple):
     def of_all(cls, parts: "Sequence[Ending]") -> "Ending":
         """Join what the robots of all processes know, in the order of the robots."""
         places, over, errors, blocked = zip(*parts, strict=True)
-        return cls(
-            np.concatenate(places),
-            np.concatenate(over),
-            tuple(sum(errors, ())),
-            np.concatenate(blocked),
-        )
+        causes = tuple(cause for own in errors for cause in own)
+        return cls(np.concatenate(places), np.concatenate(over), causes, np.concatenate(blocked))
 
 
 class SimulationDriver:
@@ -80,6 +76,11 @@ class SimulationDriver:
     def step(self, sensed: Observation) -> Array:
         """Return the commands ``(m, 2)`` of the robots here for what they know; m/s and rad/s."""
         raise NotImplementedError
+
+    def step_until_done(self, sensed: Observation) -> Array | None:
+        """Do a step, and return None instead of commands once the robots are `done`: a `Controller`."""
+        commands = self.step(sensed)
+        return None if self.done else commands
 
     def _on_ground(self, sensed: Observation) -> tuple[Array, NDArray[np.intp]]:
         """Return points ``(k, 2)`` m in the ground frame, by where robots were at the time of the scan, and whose."""

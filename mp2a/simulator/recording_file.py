@@ -65,24 +65,32 @@ def load_recording(path: str | Path) -> Recording:
     InputError
         If the file cannot be read or is no recording: the message says what it is instead.
     """
+    try:
+        return _load(path)
+    except _NoRecording as error:
+        reason = str(error)
+    except Exception as error:  # there is no end to what zipfile and numpy raise for a broken file
+        # numpy advises to load unsafely what it does not know.
+        reason = "a part of it is broken" if "pickle" in str(error) else str(error) or type(error).__name__
     expected = f"expected one of mp2a march (.npz, format {_FORMAT})"
+    raise InputError(f"{path}: cannot be read as a recording: {reason}, {expected}")
+
+
+class _NoRecording(Exception):
+    """A file is no recording; says what it is instead."""
+
+
+def _load(path: str | Path) -> Recording:
     try:
         file = np.load(path, allow_pickle=False)
-    except Exception as error:  # numpy advises to load what it does not know unsafely
-        raise InputError(f"{path}: cannot be read as a recording: it is {kind_of_file(path)}, {expected}") from error
+    except Exception as error:
+        raise _NoRecording(f"it is {kind_of_file(path)}") from error
     if not isinstance(file, np.lib.npyio.NpzFile):
-        raise InputError(f"{path}: cannot be read as a recording: it is {kind_of_file(path)}, {expected}")
+        raise _NoRecording(f"it is {kind_of_file(path)}")
     with file:
         if missing := {"format", *_PLAIN} - set(file.files):
-            names = ", ".join(file.files[:4])
-            raise InputError(
-                f"{path}: cannot be read as a recording: it holds {names}, … and no {min(missing)}, {expected}"
-            )
-        try:
-            return _recording(file)
-        except Exception as error:  # there is no end to what zipfile and numpy raise for a broken file
-            reason = "a part of it is broken" if "pickle" in str(error) else str(error) or type(error).__name__
-            raise InputError(f"{path}: cannot be read as a recording: {reason}, {expected}") from error
+            raise _NoRecording(f"it holds {', '.join(file.files[:4])}, … and no {min(missing)}")
+        return _recording(file)
 
 
 def _to_npz(recording: Recording) -> bytes:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mp2a.checks import array, count, numbers, positive
+from mp2a.checks import array, between, count, numbers, positive
 from mp2a.exceptions import InputError
 from mp2a.formation.robot_models import RobotModel
 from mp2a.simulator.contacts import Contacts
@@ -15,13 +15,14 @@ from mp2a.simulator.events import SOLID, EventKind, RobotEvent
 from mp2a.simulator.lidar import Lidar, points, ranges
 from mp2a.simulator.observation import Observation
 from mp2a.simulator.vehicle import TurnSlip, move, respond
-from mp2a.simulator.world import World
+from mp2a.simulator.world import FARTHEST, World
 from mp2a.spatial import Array
 
 HUSKY_TIMEOUT = 0.25
 """s after which Clearpath's controller stops a HUSKY that hears no more commands (ROS Noetic)."""
 
 _LONGEST_STEP = 0.02  # s, as of HUSKY's own controller, which runs at 50 Hz
+_SPEEDS, _SIZES, _STEPS = (1e-6, 100.0), (0.01, 100.0), (1e-6, 60.0)  # m/s, m and s; beyond is taken for a mistake
 _SAME_CONTACT = 1.0  # s: who meets the same thing again sooner has not been free of it
 _DIGITS = 9  # time is told in whole ns, so that ticks do not add up to 0.30000000000000004
 _SLACK = 1e-9  # s, rounding of sums of times
@@ -81,10 +82,17 @@ class Simulation:
         seed: int = 0,
     ) -> None:
         self.poses: Array = array("poses", poses, (None, 3))
+        if (far := np.abs(self.poses[:, :2]) > FARTHEST).any():
+            given = self.poses[:, :2][far][0]
+            raise InputError(f"poses: got {given:g} m, expected coordinates of at most {FARTHEST:g} m")
         n = count("number of poses", len(self.poses))
         self.models = (models,) * n if isinstance(models, RobotModel) else tuple(models)
         if len(self.models) != n:
             raise InputError(f"models: got {len(self.models)} for {n} poses, expected one for each or one for all")
+        for model in dict.fromkeys(self.models):
+            between(f"max_speed of {model.name}", model.max_speed, *_SPEEDS, "m/s")
+            between(f"length of {model.name}", model.length, *_SIZES, "m")
+            between(f"width of {model.name}", model.width, *_SIZES, "m")
         self.world = world
         self.lidar, self._slip = Lidar() if lidar is None else lidar, TurnSlip() if slip is None else slip
         self.lidar.check()
@@ -170,9 +178,9 @@ class Simulation:
         Raises
         ------
         InputError
-            If a command is infinite or half nan, or the time is not positive and finite.
+            If a command is infinite or half nan, or the time is not from 1 µs to 60 s.
         """
-        positive("dt", dt)
+        between("dt", dt, *_STEPS, "s")
         self._hear(commands)
         self._stepped_from = self.time
         begin, parts = self.time, int(np.ceil(dt / self._step - _SLACK))

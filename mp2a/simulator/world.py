@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from mp2a.checks import array, positive
 from mp2a.dependencies import need
 from mp2a.exceptions import InputError
+from mp2a.se2 import act
 from mp2a.spatial import Array
 
 FARTHEST = 1e5
@@ -142,11 +143,8 @@ def rectangles(poses: Array, lengths: Array, widths: Array) -> Array:
     ndarray
         ``(n, 4, 2)`` m, counter-clockwise from the front left corner.
     """
-    along = np.stack((np.cos(poses[:, 2]), np.sin(poses[:, 2])), axis=-1) * (lengths / 2)[:, None]
-    across = np.stack((-np.sin(poses[:, 2]), np.cos(poses[:, 2])), axis=-1) * (widths / 2)[:, None]
-    offsets = np.stack((along + across, across - along, -along - across, along - across), axis=1)
-    out: Array = poses[:, None, :2] + offsets
-    return out
+    signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    return act(poses[:, None], signs * np.stack((lengths, widths), axis=-1)[:, None] / 2)
 
 
 def _corners(name: str, given: ArrayLike, closed: bool) -> Array:
