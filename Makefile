@@ -14,7 +14,7 @@ $(VENV)/.installed: pyproject.toml
 	touch $@
 
 bench: $(VENV)/.installed
-	$(BIN)/mp2a bench --ranks 8 --out results/bench.json --fresh
+	$(BIN)/mp2a bench --ranks 8 --out results/bench.json
 	$(BIN)/mp2a plot time results/bench.json --out results/time.png
 	$(BIN)/mp2a plot speedup results/bench.json --out results/speedup.png
 	$(BIN)/mp2a trace --ranks 8 --out results/trace.json

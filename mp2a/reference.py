@@ -1,7 +1,5 @@
 """pinocchio's serial RNEA in mp2a's conventions: the O(n) reference."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -11,9 +9,6 @@ from mp2a.methods.result import InverseDynamics
 from mp2a.model import Model
 from mp2a.spatial import GRAVITY, Array, spatial_to_classical, to_linear_first
 from mp2a.validation import check_gravity, check_state
-
-if TYPE_CHECKING:
-    pass
 
 _TENSORS = 4
 """nv³ tensors of doubles in `pinocchio.Data`, zeroed and so resident (measured: 4.0 nv³ of 8 bytes at nv = 400)."""
@@ -26,7 +21,7 @@ class Reference:
     ----------
     model
         The chain.
-    model, data
+    pin_model, data
         pinocchio's, in its own conventions.
 
     Raises
@@ -36,13 +31,7 @@ class Reference:
     """
 
     def __init__(self, model: Model) -> None:
-        need, free = data_bytes(model.nv), available_memory()
-        if free is not None and need > free:
-            fits = int((free / (8 * _TENSORS)) ** (1 / 3))
-            raise DependencyError(
-                f"pinocchio's Data for nv = {model.nv} takes {need / 1e9:.1f} GB (it holds nv³ tensors) and "
-                f"{free / 1e9:.1f} GB are free: up to nv = {fits} fits here"
-            )
+        need_memory(model.nv)
         import pinocchio
 
         self.model = model
@@ -90,6 +79,30 @@ class Reference:
         acceleration = spatial_to_classical(acceleration, velocity)
         cut = 0 if state.single else slice(None)
         return InverseDynamics(velocity[cut], acceleration[cut], force[cut], torque[cut])
+
+
+def need_memory(nv: int, copies: int = 1) -> None:
+    """Raise an error where pinocchio's Data would not fit in the memory that is free.
+
+    Parameters
+    ----------
+    nv
+        Degrees of freedom.
+    copies
+        How many of it there are at a time.
+
+    Raises
+    ------
+    DependencyError
+        With the largest nv that would fit.
+    """
+    need, free = copies * data_bytes(nv), available_memory()
+    if free is not None and need > free:
+        fits = int((free / (8 * _TENSORS * copies)) ** (1 / 3))
+        raise DependencyError(
+            f"pinocchio's Data for nv = {nv} takes {need / 1e9:.1f} GB (it holds nv³ tensors) and "
+            f"{free / 1e9:.1f} GB are free: up to nv = {fits} fits here"
+        )
 
 
 def data_bytes(nv: int) -> int:

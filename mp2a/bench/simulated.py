@@ -85,8 +85,8 @@ def run_simulations(
         Seconds of real time a simulation may take. After one that takes longer its contender is left out for more
         robots on that network, and the file says so.
     seconds
-        What contenders compute, by the number of samples (as text, for JSON) and then as `measure_costs` gives it; measured
-        here where it is missing.
+        What contenders compute, by the number of samples (as text, for JSON) and then as `measure_costs` gives it;
+        measured here where it is missing.
     say
         Called with what is being done.
 

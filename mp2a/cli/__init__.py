@@ -10,7 +10,10 @@ from mp2a.cli import bench, check, cost, drive, march, plot, schedule, trace
 from mp2a.exceptions import DependencyError, InputError, OutputError
 from mp2a.mpi_environment import rank_info
 
-_SUBCOMMANDS = (bench, check, plot, cost, schedule, trace, march, drive)
+COMMANDS = {
+    module.__name__.rpartition(".")[2]: module for module in (bench, check, plot, cost, schedule, trace, march, drive)
+}
+"""The module of each subcommand, by its name."""
 _INTERRUPTED = 130
 _EXAMPLES = """examples:
   mp2a bench --ranks 1,2,4,8                         time all methods, one rank a robot
@@ -54,6 +57,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"mp2a {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for subcommand in _SUBCOMMANDS:
-        subcommand.add(commands)
+    for module in COMMANDS.values():
+        module.add(commands)
     return parser
