@@ -101,7 +101,7 @@ def _leaders(axes: Axes, recording: Recording, colors: list[str], thick: float) 
 
 
 def _events(panels: list[Axes], recording: Recording, colors: list[str]) -> int:
-    """Mark events by lines in the robots' colours and symbols above the first panel; return how many rows of those."""
+    """Mark events by lines in the robots' colours and symbols above the first panel; return how many rows of them."""
     near = _SYMBOL * np.ptp(recording.times)
     ends: list[float] = []  # of the rows of symbols, from the lowest
     for event in recording.events:

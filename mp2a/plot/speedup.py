@@ -36,7 +36,7 @@ _AMDAHL = "#b9b9b9"
 _LINES: dict[str, Dashes] = {"measured": "-", "extrapolated": (0, (1, 1.5))}
 _GROUPS = {"measured": "measured, wall clock", "extrapolated": "extrapolated, a core a robot"}
 _PAPER = Look(f"paper: S = {PAPER_SPEEDUP} at n = {PAPER_ROBOTS}", INK, "*")
-_LABEL_GAP = 10.5  # points from one label of Amdahl's law to the next
+_LABEL_GAP = 12.0  # points from one label of Amdahl's law to the next
 
 
 class Speedup(NamedTuple):
@@ -115,7 +115,8 @@ def speedup_figure(results: Mapping[str, Any], against: str = PIPELINE) -> Figur
     panels = {grain: curves for grain, curves in panels.items() if curves}
     if not panels:
         raise InputError(f"against: got {against!r}, of which no run has times beside ours, expected at least one")
-    sizes = robot_counts([line for curves in panels.values() for line in curves])
+    counts = robot_counts([line for curves in panels.values() for line in curves])
+    sizes = counts if len(counts) == 1 else [run["n"] for run in runs(results)]
     inside = sizes[0] <= PAPER_ROBOTS <= sizes[-1]
     if inside:
         panels = {grain: [*curves, _paper()] for grain, curves in panels.items()}
@@ -129,9 +130,8 @@ def speedup_figure(results: Mapping[str, Any], against: str = PIPELINE) -> Figur
         groups = [("for comparison", [equal, paper, *note])]
     else:
         figure = _lines(panels, what, sizes)
-        ends = [
-            (f"{grain_title(results, grain)}\n{_END.format(n=sizes[-1])}", _ends(panels[grain])) for grain in panels
-        ]
+        end = f"S and $\\mathbf{{f_p}}$ at n = {counts[-1]}"
+        ends = [(f"{grain_title(results, grain)}\n{end}", _ends(panels[grain], counts[-1])) for grain in panels]
         groups = [*ends, ("for comparison,\n$\\mathbf{f_p}$ by Karp and Flatt", [law, equal, paper, *note])]
     for axes, grain in zip(figure.axes, panels, strict=True):
         axes.set_title(grain_title(results, grain))
@@ -141,9 +141,6 @@ def speedup_figure(results: Mapping[str, Any], against: str = PIPELINE) -> Figur
         for axes in figure.axes:
             _keep_apart(axes)
     return figure
-
-
-_END = "S and $\\mathbf{{f_p}}$ at n = {n}"
 
 
 def _curves(results: Mapping[str, Any], against: str, grain: str) -> list[Curve]:
@@ -172,9 +169,8 @@ def _number(value: float, part: float) -> str:
     return f"S = {value:.3g}, $f_p$ {'< 0' if part < 0 else f'= {part:.3f}'}"
 
 
-def _ends(curves: Sequence[Curve]) -> list[Artist]:
+def _ends(curves: Sequence[Curve], last: int) -> list[Artist]:
     """Return entries of a legend that tell where curves end at the largest number of robots."""
-    last = max(robot_counts(curves))
     out: list[Artist] = []
     for line in curves:
         if line.gid != "paper":
