@@ -18,7 +18,7 @@ MODULES = sorted(ROOT.rglob("*.py"))
 
 # From the bottom to the top; what is not named here stands above all of it.
 LAYERS = (
-    "exceptions", "dependencies", "mpi_environment", "mpi", "checks", "files", "cores", "network", "spatial",
+    "exceptions", "dependencies", "mpi_environment", "mpi", "checks", "files", "tables", "cores", "network", "spatial",
     "results", "joints", "readers", "model", "validation", "joint_kinematics", "algebra", "kernels", "serial",
     "schedule", "transport", "program", "methods", "dynamics", "distributed_setup", "distributed", "process_grid",
     "formation", "launch", "reference", "cost_model", "bench", "simulator", "robots", "plot", "cli",

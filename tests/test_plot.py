@@ -38,12 +38,12 @@ def make_results(counts=EVERY_N, cores=2, without=(), samples=2000, seed=0):
         rounds, crowd = int(np.ceil(np.log2(n))), max(1, n / cores)
         measured = {
             "kogge-stone": cell((2e-6 + 1.5e-6 * rounds) * crowd, (40e-6 + 50e-6 * rounds) * crowd),
-            "relay": cell(3e-6 * n * (1 + 0.5 * (n > cores)), 60e-6 * n * (1 + 0.5 * (n > cores))),
+            "pipeline": cell(3e-6 * n * (1 + 0.5 * (n > cores)), 60e-6 * n * (1 + 0.5 * (n > cores))),
             "compact": cell((3e-6 + 2e-6 * rounds) * crowd, (50e-6 + 45e-6 * rounds) * crowd),
             "sweep": cell((5e-6 + 4e-6 * rounds) * crowd, (60e-6 + 90e-6 * rounds) * crowd),
-            "relay, pipelined": cell(2e-6 * n, 61e-6 * n * (1 + 0.5 * (n > cores))),
-            "centre, tree": cell(1e-6 + 0.9e-6 * n, 50e-6 + 6e-6 * n),
-            "centre": cell(1e-6 + 0.9e-6 * n, 30e-6 + 6e-6 * n),
+            "pipeline, blocks": cell(2e-6 * n, 61e-6 * n * (1 + 0.5 * (n > cores))),
+            "gather-scatter, tree": cell(1e-6 + 0.9e-6 * n, 50e-6 + 6e-6 * n),
+            "gather-scatter": cell(1e-6 + 0.9e-6 * n, 30e-6 + 6e-6 * n),
             "pinocchio": cell(0.11e-6 * n + 0.4e-6, 0.12e-6 * n + 0.6e-6) if n < 512 else None,
         }
         modelled = {
@@ -52,7 +52,7 @@ def make_results(counts=EVERY_N, cores=2, without=(), samples=2000, seed=0):
         }
         extrapolated = {
             "kogge-stone": {"batch": noisy(2e-6 + 1.5e-6 * rounds), "single": noisy(40e-6 + 50e-6 * rounds)},
-            "relay": {"batch": noisy(3e-6 * n), "single": noisy(60e-6 * n)},
+            "pipeline": {"batch": noisy(3e-6 * n), "single": noisy(60e-6 * n)},
         }
         run = {
             "n": n,
@@ -124,7 +124,9 @@ def lines(figure):
     return [{line.get_gid(): line for line in axes.lines if line.get_gid()} for axes in figure.axes[:2]]
 
 
-@pytest.mark.parametrize("without", [(), ("centre", "pinocchio"), ("modelled", "extrapolated"), ("sweep", "compact")])
+@pytest.mark.parametrize(
+    "without", [(), ("gather-scatter", "pinocchio"), ("modelled", "extrapolated"), ("sweep", "compact")]
+)
 @pytest.mark.parametrize("counts", [(8,), EVERY_N], ids=["one n", "every n"])
 def test_time_curves_are_the_results(counts, without):
     results = make_results(counts, without=without)
@@ -166,15 +168,15 @@ def test_speedup_is_the_quotient_of_times():
     results = make_results()
     for source in ("measured", "extrapolated"):
         ours = series(results, source, "kogge-stone", "single")
-        found = speedups(results, "relay", "single", source)
-        theirs = series(results, source, "relay", "single")
+        found = speedups(results, "pipeline", "single", source)
+        theirs = series(results, source, "pipeline", "single")
         assert_allclose(found.speedup * ours.seconds, theirs.seconds)
     for run in results["runs"]:
-        run["measured"]["relay"] = run["measured"]["kogge-stone"]
-    assert_allclose(speedups(results, "relay", "batch").speedup, 1)
+        run["measured"]["pipeline"] = run["measured"]["kogge-stone"]
+    assert_allclose(speedups(results, "pipeline", "batch").speedup, 1)
 
 
-@pytest.mark.parametrize("against", ["relay", "centre", "pinocchio"])
+@pytest.mark.parametrize("against", ["pipeline", "gather-scatter", "pinocchio"])
 def test_speedup_curves_are_the_quotients(against):
     results = make_results(without=("compact",))
     for grain, panel in zip(GRAINS, lines(speedup_figure(results, against)), strict=True):

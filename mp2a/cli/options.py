@@ -1,13 +1,16 @@
 """What the subcommands share: options, how to read them, progress, being a rank."""
 
 import argparse
+import sys
 import traceback
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
-from mp2a.bench.settings import PROGRESS
-from mp2a.exceptions import DependencyError, InputError
+from mp2a.bench.settings import ERROR, PROGRESS
+from mp2a.exceptions import DependencyError, InputError, OutputError
 from mp2a.network import EmulatedNetwork, parse
+
+T = TypeVar("T")
 
 WIDTH = 136
 """Columns of the tables, whatever the terminal: cut-off headings help nobody."""
@@ -28,19 +31,28 @@ def command(
     return parser
 
 
-def as_rank(run: Callable[[argparse.Namespace], None], options: argparse.Namespace) -> None:
-    """Run a rank's part; what goes wrong on one rank alone ends all, since the others would wait for it."""
-    from mp2a.cores import restore_timer_slack
-    from mp2a.mpi import MPI
+def as_rank(run: Callable[[argparse.Namespace], T], options: argparse.Namespace) -> T:
+    """Return the result of a rank's part; what goes wrong on one rank alone ends all, for the others would wait for it.
 
+    What only one rank does, after the last message, is better done outside: its errors are its own.
+    """
+    from mp2a.cores import restore_timer_slack
+    from mp2a.mpi import MPI, check_launcher
+
+    check_launcher()
     restore_timer_slack()
     try:
-        run(options)
+        return run(options)
     except (InputError, DependencyError):
         raise  # the same on every rank
+    except OutputError as error:
+        print(f"{ERROR}{error}", file=sys.stderr, flush=True)
+        MPI.COMM_WORLD.Abort(2)
+        raise  # never reached: Abort ends the process
     except BaseException:
         traceback.print_exc()
         MPI.COMM_WORLD.Abort(1)
+        raise  # never reached: Abort ends the process
 
 
 def add_run_options(command: argparse.ArgumentParser) -> None:
@@ -48,6 +60,16 @@ def add_run_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--samples", type=positive, default=2000, help="samples of the trajectory (default: 2000)")
     command.add_argument("--seed", type=int, default=0, help="of the random chain and its motion (default: 0)")
     command.add_argument("--quiet", action="store_true", help=argparse.SUPPRESS)
+
+
+def add_format(command: argparse.ArgumentParser) -> None:
+    """Add the option of how tables are written."""
+    from mp2a.tables import STYLES
+
+    command.add_argument(
+        "--format", choices=tuple(STYLES), default="text",
+        help="how tables are written; csv and json have plain numbers in the units of the SI (default: text)",
+    )  # fmt: skip
 
 
 def add_network(command: argparse.ArgumentParser) -> None:

@@ -32,7 +32,7 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--period", type=positive_number, default=0.01, help="control period of the real-time line, s (default: 0.01)"
     )
-    parser.add_argument("--against", default="relay", help="contender that speedup is over (default: relay)")
+    parser.add_argument("--against", default="pipeline", help="contender that speedup is over (default: pipeline)")
 
 
 def _plot(options: argparse.Namespace) -> None:

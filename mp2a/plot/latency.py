@@ -23,7 +23,7 @@ from mp2a.plot.style import (
     seconds_axis,
 )
 
-CONTENDERS = tuple(name for name in LOOKS if name not in ("pinocchio", "serial", "relay, pipelined"))
+CONTENDERS = tuple(name for name in LOOKS if name not in ("pinocchio", "serial", "pipeline, blocks"))
 FEWEST = {"kogge-stone": 3, "compact": 2, "sweep": 1}
 """Sets of ⌈log2 n⌉ rounds a method has; below rounds times latency it cannot get."""
 

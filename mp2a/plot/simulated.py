@@ -104,7 +104,7 @@ def _remarks(results: Mapping[str, Any], points: list[Mapping[str, Any]]) -> lis
     out = [
         "computing: as measured for one robot on one core here",
         "network: latency and bandwidth, one hop from each robot to each",
-        "no processor time a message, which is kind to the centre",
+        "no processor time a message, which is kind to gather-scatter",
     ]
     largest = max(p["n"] for p in points)
     if results.get("left_out") or any(p["n"] < largest for p in _ends(points)):

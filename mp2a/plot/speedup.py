@@ -82,7 +82,7 @@ def speedups(
     return Speedup(n, ratio, part, ours.oversubscribed[mine])
 
 
-def speedup_figure(results: Mapping[str, Any], against: str = "relay") -> Figure:
+def speedup_figure(results: Mapping[str, Any], against: str = "pipeline") -> Figure:
     """Draw the speedup over the number of robots beside Amdahl's law, as the paper's figure 10.
 
     Parameters
@@ -90,7 +90,7 @@ def speedup_figure(results: Mapping[str, Any], against: str = "relay") -> Figure
     results : mapping
         A results file, parsed.
     against : str
-        Whose times are divided by ours: relay, centre or pinocchio.
+        Whose times are divided by ours: pipeline, gather-scatter or pinocchio.
 
     Returns
     -------

@@ -16,6 +16,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import EngFormatter, FixedFormatter, FixedLocator, LogLocator, NullFormatter, NullLocator
 
+from mp2a.bench.contenders import (
+    GATHER_SCATTER,
+    GATHER_SCATTER_TREE,
+    LABELS,
+    PINOCCHIO,
+    PIPELINE,
+    PIPELINE_BLOCKS,
+)
 from mp2a.exceptions import InputError
 
 Data = TypeVar("Data")
@@ -34,14 +42,14 @@ class Look(NamedTuple):
 INK = "#222222"
 FAINT = "#8a8a8a"
 LOOKS = {
-    "kogge-stone": Look("kogge-stone (MP²A)", "#0072B2", "o"),
-    "compact": Look("compact", "#56B4E9", "p"),
-    "sweep": Look("sweep", "#000000", ">"),
-    "relay": Look("relay, hop by hop", "#D55E00", "s"),
-    "relay, pipelined": Look("relay, samples in 16 blocks", "#E69F00", "s"),
-    "centre": Look("centre, each robot directly", "#009E73", "D"),
-    "centre, tree": Look("centre, along a tree", "#88CC66", "d"),
-    "pinocchio": Look("pinocchio, one process", "#AA4499", "^"),
+    "kogge-stone": Look(LABELS["kogge-stone"], "#0072B2", "o"),
+    "compact": Look(LABELS["compact"], "#56B4E9", "p"),
+    "sweep": Look(LABELS["sweep"], "#000000", ">"),
+    PIPELINE: Look(LABELS[PIPELINE], "#D55E00", "s"),
+    PIPELINE_BLOCKS: Look(LABELS[PIPELINE_BLOCKS], "#E69F00", "s"),
+    GATHER_SCATTER: Look(LABELS[GATHER_SCATTER], "#009E73", "D"),
+    GATHER_SCATTER_TREE: Look(LABELS[GATHER_SCATTER_TREE], "#88CC66", "d"),
+    PINOCCHIO: Look(LABELS[PINOCCHIO], "#AA4499", "^"),
     "serial": Look("serial O(n)", "#555555", "v"),
 }
 SUFFIXES = (".png", ".svg", ".pdf")

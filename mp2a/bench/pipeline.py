@@ -1,4 +1,4 @@
-"""The relay: what a formation without MP²A does, each robot waits for its neighbour."""
+"""The pipeline: what a formation without MP²A does, each robot waits for its neighbour."""
 
 import time
 
@@ -14,14 +14,13 @@ from mp2a.validation import JointState, check_state
 _MOTION, _FORCE = 1, 2
 
 
-class Relay:
+class Pipeline:
     """Inverse dynamics hop by hop: each robot waits for its neighbour, 2 (n - 1) hops.
 
-    As quick as a relay can be. With the spatial acceleration A = V̇ - [0; ω × v], velocity and acceleration of a robot
-    are a linear map of its predecessor's, ``[V; A] -> [[C, 0], [-(s×) C, C]] [V; A] + [s; a]`` with s = H q̇ and
-    a = H q̈, so that a hop is one product, formed before the message comes. A robot passes on first and works out its
-    force after; and many samples can be cut into blocks, so that all robots are busy once the first block has come
-    through.
+    As quick as hops can be. With the spatial acceleration A = V̇ - [0; ω × v], velocity and acceleration of a robot are
+    a linear map of its predecessor's, ``[V; A] -> [[C, 0], [-(s×) C, C]] [V; A] + [s; a]`` with s = H q̇ and a = H q̈, so
+    that a hop is one product, formed before the message comes. A robot passes on first and works out its force after;
+    and many samples can be cut into blocks, so that all robots are busy once the first block has come through.
 
     Parameters
     ----------

@@ -11,9 +11,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from mp2a import kernels, launch
+from mp2a import files, kernels, launch
 from mp2a.bench import results
-from mp2a.bench.settings import ERROR, PROGRESS, STARTED, Settings
+from mp2a.bench.machine import processor_name
+from mp2a.bench.settings import ERROR, PROGRESS, STARTED, BenchSettings
 from mp2a.cores import available_memory
 from mp2a.exceptions import DependencyError
 
@@ -21,15 +22,15 @@ _PRELOAD = ("mp2a.cli", "mp2a.bench.rank", "mp2a.bench.timeline")
 """What ranks run, imported once for all of them where they share cores."""
 
 
-def sweep(
+def run_campaign(
     ranks: Sequence[int],
-    settings: Settings,
+    settings: BenchSettings,
     path: Path,
     *,
-    fresh: bool,
+    resume: bool,
     say: Callable[[str], None],
 ) -> list[dict[str, Any]]:
-    """Run the benchmark for each number of ranks and append to one results file.
+    """Run the benchmark for each number of ranks and append each run to one results file as soon as it is over.
 
     Parameters
     ----------
@@ -38,74 +39,89 @@ def sweep(
     settings
         Of every run.
     path
-        The results file. A run it holds already with these settings is not made again.
-    fresh
-        Make all runs again.
+        The results file.
+    resume
+        Leave out a run that the file holds already with these settings on such a processor.
     say
-        Told what is being done.
+        Called with what is being done.
 
     Returns
     -------
     list of dict
-        The runs for these ranks, old and new.
+        The runs for these ranks. Those that were not made now have a key ``"kept"``.
 
     Raises
     ------
     DependencyError
         If there is no mpirun, or the ranks of a run failed; runs before it are kept.
+    OutputError
+        If the file cannot be written, before anything is measured if that can be known.
     """
+    files.check_writable(path)
+    processor = processor_name()
     runs = []
     for n in ranks:
-        found = None if fresh else results.find(path, n=n, **settings.identity())
-        if found is None:
-            found = _run(n, settings, say)
-            results.append(path, found)
+        run = results.find_run(path, processor, n=n, **settings.identity()) if resume else None
+        if run is None:
+            run = _measure(n, settings, say)
+            results.append(path, run)
         else:
             say(f"n = {n}: already in {path}")
-        runs.append(found)
+            run["kept"] = str(path)
+        runs.append(run)
     return runs
 
 
-def child(arguments: Sequence[str], n: int, say: Callable[[str], None]) -> dict[str, Any]:
-    """Run an ``mp2a`` command on n ranks; rank 0 writes JSON to the file that is put after ``--out``."""
+def run_ranks(arguments: Sequence[str], n: int, say: Callable[[str], None]) -> dict[str, Any]:
+    """Run an ``mp2a`` command on n ranks, of which rank 0 writes JSON to the file that is put after ``--out``.
+
+    Parameters
+    ----------
+    arguments
+        The command and its options.
+    n
+        Number of ranks.
+    say
+        Called with what the ranks are doing.
+
+    Returns
+    -------
+    dict
+        What was written.
+
+    Raises
+    ------
+    DependencyError
+        If there is no mpirun, or the ranks failed.
+    """
     kernels.build()  # hundreds of ranks load what one process has compiled
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out.json"
         program = [sys.executable, "-m", "mp2a", *arguments, "--out", str(out), "--quiet"]
         environment = {STARTED: repr(time.time())}
         say("starting the ranks")
-        process = launch.start(
-            n,
-            program,
-            environment=environment,
-            preload=_PRELOAD,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        try:
+        pipe = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+        with launch.start(n, program, environment=environment, preload=_PRELOAD, **pipe) as process:
             last = _follow(process.stdout or (), say)
             code = process.wait()
-        finally:
-            launch.end(process)
         if code or not out.exists():
-            said = [line.removeprefix(ERROR) for line in last if line.startswith(ERROR)]
-            raise DependencyError("\n".join(said or [f"mpirun with {n} ranks ended with status {code}:", *last]))
+            errors = [line.removeprefix(ERROR) for line in last if line.startswith(ERROR)]
+            raise DependencyError("\n".join(errors or [f"mpirun with {n} ranks ended with status {code}:", *last]))
         loaded: dict[str, Any] = json.loads(out.read_text(encoding="utf-8"))
         return loaded
 
 
-def _run(n: int, settings: Settings, say: Callable[[str], None]) -> dict[str, Any]:
+def _measure(n: int, settings: BenchSettings, say: Callable[[str], None]) -> dict[str, Any]:
     began = time.monotonic()
     with _lowest_free_memory() as free:
-        done = child(["bench", *_arguments(settings)], n, lambda what: say(f"n = {n}: {what}"))
+        done = run_ranks(["bench", *_arguments(settings)], n, lambda what: say(f"n = {n}: {what}"))
     run: dict[str, Any] = done["runs"][-1]
     run["took_s"] = time.monotonic() - began
     run["memory_taken"] = free()
     return run
 
 
-def _arguments(settings: Settings) -> list[str]:
+def _arguments(settings: BenchSettings) -> list[str]:
     """Spell settings as options of ``mp2a bench``."""
     spelled = {name: value for name, value in settings._asdict().items() if value is not None}
     spelled["methods"] = ",".join(settings.methods)
@@ -128,8 +144,8 @@ def _follow(lines: Any, say: Callable[[str], None]) -> list[str]:
 @contextmanager
 def _lowest_free_memory() -> Iterator[Callable[[], int | None]]:
     """Watch how far the machine's available memory falls, in bytes; None where the system does not say."""
-    at_first = available_memory()
-    lowest = at_first or 0
+    before = available_memory()
+    lowest = before or 0
     over = threading.Event()
 
     def watch() -> None:
@@ -140,7 +156,7 @@ def _lowest_free_memory() -> Iterator[Callable[[], int | None]]:
     watcher = threading.Thread(target=watch, daemon=True)
     watcher.start()
     try:
-        yield lambda: at_first - lowest if at_first else None
+        yield lambda: before - lowest if before else None
     finally:
         over.set()
         watcher.join()

@@ -1,4 +1,4 @@
-"""The centre: one robot computes for all, with pinocchio."""
+"""Gather and scatter: one robot computes for all, with pinocchio."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from mp2a.transport.wait import wait
 _STATE, _TORQUE = 1, 2
 
 
-class Centre:
+class GatherScatter:
     """Inverse dynamics by one robot for all: gather, pinocchio on rank 0, scatter.
 
     Parameters
@@ -25,8 +25,8 @@ class Centre:
         pinocchio's model of the chain on rank 0; None on all others.
     tree
         Gather and scatter along a binomial tree, as MPI's collectives do: ⌈log2 n⌉ messages one after another each way,
-        and none of the robots talks to more than that many. Otherwise every robot talks to the centre itself: one
-        message each way, but n - 1 of them at the centre.
+        and none of the robots talks to more than that many. Otherwise every robot talks to rank 0 itself: one
+        message each way, but n - 1 of them at rank 0.
     """
 
     def __init__(self, link: Link, model: Model, reference: Reference | None, *, tree: bool = False) -> None:
