@@ -160,7 +160,7 @@ def _regular_target(path: str | Path) -> Path | None:
     """
     try:
         mode = Path(path).stat().st_mode
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         pass
     else:
         if stat.S_ISDIR(mode):
@@ -170,7 +170,10 @@ def _regular_target(path: str | Path) -> Path | None:
         if not stat.S_ISREG(mode):
             return None
     target = Path(os.path.realpath(path))
-    target.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(target.parent)) from error
     return target
 
 

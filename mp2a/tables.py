@@ -46,7 +46,7 @@ class Column(NamedTuple):
     unit: str = ""
     """The unit of the plain number, where `show` writes one of its own."""
     left: bool = False
-    """Whether cells begin at the same place rather than end there; cells of the last column are then wrapped as well."""
+    """Whether cells begin at the same place rather than end there; cells of a last column are then wrapped as well."""
 
 
 class Table(NamedTuple):
@@ -71,6 +71,11 @@ def show_seconds(value: float | Spread) -> str:
 def show_ratio(value: float | Spread) -> str:
     """Write how many times one thing is another, and quartiles where they differ."""
     return _show_scaled(value, 1.0, "×")
+
+
+def show_plain(value: float | Spread) -> str:
+    """Write a number, and quartiles where they differ."""
+    return _show_scaled(value, 1.0, "")
 
 
 def _show_scaled(value: float | Spread, factor: float, unit: str) -> str:
@@ -106,8 +111,8 @@ def as_text(tables: Sequence[Table], notes: Sequence[str] = ()) -> str:
     parts = []
     for table in tables:
         blocks = ("\n".join(_block(part, width)) for part in _parts_of(table, width))
-        parts.append("\n".join((textwrap.fill(table.title, width), *blocks)))
-    return "\n\n".join((*parts, *(textwrap.fill(note, width) for note in notes)))
+        parts.append(_fill(table.title, width) + "\n" + "\n\n".join(blocks))
+    return "\n\n".join((*parts, *(_fill(note, width) for note in notes)))
 
 
 def as_markdown(tables: Sequence[Table], notes: Sequence[str] = ()) -> str:
@@ -130,8 +135,8 @@ def as_csv(tables: Sequence[Table], notes: Sequence[str] = ()) -> str:
         records = list(_records(table))
         writer.writerow(dict.fromkeys(name for record in records for name in record))
         writer.writerows(record.values() for record in records)
-        parts.append(f"# {table.title}\n{out.getvalue()}")
-    return "\n".join((*parts, *(f"# {note}" for note in notes)))
+        parts.append(f"# {table.title}\n{out.getvalue()}".rstrip())
+    return "\n\n".join((*parts, *(f"# {note}" for note in notes)))
 
 
 def as_json(tables: Sequence[Table], notes: Sequence[str] = ()) -> str:
@@ -211,16 +216,21 @@ def _block(table: Table, width: int) -> Iterator[str]:
     for k, column in enumerate(table.columns):  # where there is room, headings stay in one line
         room = width - sum(widths) - len(_GAP) * last
         widths[k] += min(max(len(column.heading) - widths[k], 0), max(room, 0))
-    headings = [textwrap.wrap(column.heading, w) for column, w in zip(table.columns, widths, strict=True)]
+    headings = [_wrap(column.heading, w) for column, w in zip(table.columns, widths, strict=True)]
     height = max(map(len, headings))
     yield from _lines([[""] * (height - len(lines)) + lines for lines in headings], table, widths)
     yield "─" * min(width, sum(widths) + len(_GAP) * last)
     for row in cells:
-        yield from _lines([*([cell] for cell in row[:last]), _wrapped(row[last], widths[last])], table, widths)
+        yield from _lines([*([cell] for cell in row[:last]), _wrap(row[last], widths[last])], table, widths)
 
 
-def _wrapped(cell: str, width: int) -> list[str]:
-    return textwrap.wrap(cell, width, break_long_words=False, break_on_hyphens=False) or [""]
+def _fill(text: str, width: int) -> str:
+    return "\n".join(_wrap(text, width))
+
+
+def _wrap(text: str, width: int) -> list[str]:
+    """Wrap a text at its spaces only, so that paths and names stay whole."""
+    return textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False) or [""]
 
 
 def _lines(cells: list[list[str]], table: Table, widths: list[int]) -> Iterator[str]:

@@ -85,8 +85,8 @@ def test_planar_motion_is_that_of_the_recurrences(method):
         bodies=True,
     )
     for i, motion in enumerate(expected):
-        assert np.allclose(done.position[i, :2], motion.pose[:2])
-        assert np.allclose(done.rotation[i, :2, 0], [np.cos(motion.pose[2]), np.sin(motion.pose[2])])
+        assert np.allclose(done.placement.translation[i, :2], motion.pose[:2])
+        assert np.allclose(done.placement.rotation[i, :2, 0], [np.cos(motion.pose[2]), np.sin(motion.pose[2])])
         assert np.allclose(done.velocity[i, [3, 4, 2]], motion.velocity)
         vx, vy, spin = motion.velocity
         assert np.allclose(done.acceleration[i, [3, 4, 2]], motion.rate + spin * np.array([-vy, vx, 0]))

@@ -6,11 +6,15 @@ from collections.abc import Sequence
 
 from mp2a import __version__
 from mp2a.bench.settings import ERROR
-from mp2a.cli import bench, check, cost, drive, march, plot, schedule, trace
+from mp2a.cli import bench, check, cost, drive, march, plot, run, schedule, trace
 from mp2a.exceptions import DependencyError, InputError, OutputError
 from mp2a.mpi_environment import rank_info
 
-_SUBCOMMANDS = (bench, check, plot, cost, schedule, trace, march, drive)
+COMMANDS = {
+    module.__name__.rpartition(".")[2]: module
+    for module in (bench, check, plot, cost, schedule, trace, march, drive, run)
+}
+"""The module of each subcommand, by its name."""
 _INTERRUPTED = 130
 _EXAMPLES = """examples:
   mp2a bench --ranks 1,2,4,8                         time all methods, one rank a robot
@@ -54,6 +58,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"mp2a {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for subcommand in _SUBCOMMANDS:
-        subcommand.add(commands)
+    for module in COMMANDS.values():
+        module.add(commands)
     return parser

@@ -141,7 +141,7 @@ def _agree(options: argparse.Namespace, comm: "MPI.Intracomm | None") -> "tuple[
     if comm is None:
         setup = set_up(options, None)
         return setup, _simulation(options, setup)
-    from mp2a.transport.mpi import raise_together
+    from mp2a.transport.agreement import raise_together
 
     own: Any = None
     simulation: Any = None

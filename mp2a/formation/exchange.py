@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar,
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.dynamics import placements, rnea
-from mp2a.methods.result import InverseDynamics
+from mp2a.dynamics import rnea
 from mp2a.model import Model
+from mp2a.results import InverseDynamics, Placement
 from mp2a.se2 import PlanarMotion
 from mp2a.spatial import Array
 
@@ -100,10 +100,7 @@ class LocalExchange:
         q, v, a, forces = _joint_state(joints, external)
         samples = len(q)
         q, v, a = (x.reshape(samples, -1) for x in (q, v, a))
-        result = rnea(self.model, q, v, a, forces, method=self.method, bodies=True)
-        if result.rotation is None or result.position is None:
-            return _in_the_plane(result, *placements(self.model, q))
-        return _in_the_plane(result, result.rotation, result.position)
+        return _in_the_plane(rnea(self.model, q, v, a, forces, method=self.method, bodies=True))
 
     def together(self, call: Call) -> AbstractContextManager[Call]:
         """Return the call itself: an error here is nobody else's."""
@@ -121,12 +118,11 @@ class MPIExchange:
 
     def __init__(self, ranks: "DistributedModel") -> None:
         self.ranks = ranks
-        self.robots = np.array([ranks.transport.first])
+        self.robots = np.array([ranks.bodies.start])
 
     def send_to_children(self, values: Array) -> Array:
         """Send the values to the children's ranks, and receive from the parent's."""
-        received = self.ranks.send_to_children(values[0])
-        return np.zeros_like(values) if received is None else received[None]
+        return self.ranks.send_to_children(values[0])[None]
 
     def broadcast(self, values: Array) -> Array:
         """Send the first rank's values along the chain."""
@@ -134,27 +130,17 @@ class MPIExchange:
 
     def run(self, joints: PlanarMotion, external: Array) -> PlanarDynamics:
         """Run this rank's part of the scan."""
-        return self._run(self.ranks.rnea, joints, external)
+        return _on_this_rank(self.ranks.rnea, joints, external)
 
     @contextmanager
     def together(self, call: Call) -> Iterator[Call]:
         """Share an error of any rank before `run` or `broadcast` with all."""
         if call == self.broadcast:
             with self.ranks.together(self.ranks.broadcast) as shared:
-                yield shared
+                yield cast("Call", shared)
         else:
             with self.ranks.together(self.ranks.rnea) as shared:
-                yield cast("Call", partial(self._run, shared))
-
-    def _run(self, call: Callable[..., InverseDynamics], joints: PlanarMotion, external: Array) -> PlanarDynamics:
-        q, v, a, forces = (x[:, 0] for x in _joint_state(joints, external))
-        result = call(q, v, a, forces)
-        if result.rotation is None or result.position is None:
-            rotation, position = self.ranks.placement(q)
-        else:
-            rotation, position = result.rotation, result.position
-        own = (x[:, None] for x in (result.velocity, result.acceleration, result.force, result.torque))
-        return _in_the_plane(InverseDynamics(*own), rotation[:, None], position[:, None])
+                yield cast("Call", partial(_on_this_rank, shared))
 
 
 class FormationScan(NamedTuple):
@@ -186,8 +172,16 @@ def _joint_state(joints: PlanarMotion, external: Array) -> tuple[Array, Array, A
     return joints.coordinates(), joints.velocity, joints.rate, force
 
 
-def _in_the_plane(result: InverseDynamics, rotation: Array, position: Array) -> PlanarDynamics:
+def _on_this_rank(call: Callable[..., InverseDynamics], joints: PlanarMotion, external: Array) -> PlanarDynamics:
+    result = call(*(x[:, 0] for x in _joint_state(joints, external)), bodies=True)
+    velocity, acceleration, force = (x[:, None] for x in (result.velocity, result.acceleration, result.force))
+    placement = Placement(*(x[:, None] for x in result.placement))
+    return _in_the_plane(InverseDynamics(velocity, acceleration, force, result.torque, placement))
+
+
+def _in_the_plane(result: InverseDynamics) -> PlanarDynamics:
     """Return plane motion and forces from spatial vectors ``(T, m, 6)`` and placements ``(T, m, …)``."""
+    rotation, position = result.placement
     velocity, acceleration = result.velocity[..., [3, 4, 2]], result.acceleration[..., [3, 4, 2]]
     # The classical acceleration of the origin less what its velocity turns with the frame.
     across = np.stack((velocity[..., 1], -velocity[..., 0], np.zeros_like(velocity[..., 0])), axis=-1)

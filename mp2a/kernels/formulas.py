@@ -1,5 +1,7 @@
 """Formulas of segments; what they mean stands in `mp2a.algebra.motion` and `mp2a.algebra.inertia`."""
 
+from typing import Any
+
 from mp2a.kernels.algebra import (
     Numbers,
     add,
@@ -57,13 +59,13 @@ def force(load: Numbers, velocity: Numbers, acceleration: Numbers) -> Numbers:
     return angular + linear
 
 
-def carry(path: Numbers, force: Numbers) -> Numbers:
+def transform_force(path: Numbers, force: Numbers) -> Numbers:
     """Take a force from the lower to the upper end of a path."""
     linear = apply(path[0:9], force[3:6])
     return add(apply(path[0:9], force[0:3]), cross(path[9:12], linear)) + linear
 
 
-def move(load: Numbers, path: Numbers) -> Numbers:
+def transform(load: Numbers, path: Numbers) -> Numbers:
     """Take a load from the lower to the upper end of a path."""
     m, h, j = load[0], load[1:4], load[4:10]
     r, p, w, v = path[0:9], path[9:12], path[12:15], path[15:18]
@@ -76,9 +78,26 @@ def move(load: Numbers, path: Numbers) -> Numbers:
     rest = (
         scaled(h, p, m)
         + add_symmetric(turned(r, j), minus_twice(p, middle))
-        + carry(path, angular_force + linear_force)
+        + transform_force(path, angular_force + linear_force)
         + add_symmetric(turned(r, rate), minus_twice(p, linear))
         + add(angular, cross(p, linear))
         + linear
     )
     return m, *rest
+
+
+def matrix_product(a: Numbers, b: Numbers) -> Numbers:
+    """Return ``a b`` of 6x6 matrices, row by row."""
+    return tuple(_dot(a[6 * i : 6 * i + 6], b[j::6]) for i in range(6) for j in range(6))
+
+
+def push(a: Numbers, x: Numbers, y: Numbers) -> Numbers:
+    """Return ``a x + y`` with a 6x6 matrix."""
+    return tuple(_dot(a[6 * i : 6 * i + 6], x) + y[i] for i in range(6))
+
+
+def _dot(a: Numbers, b: Numbers) -> Any:
+    total = a[0] * b[0]
+    for x, y in zip(a[1:], b[1:], strict=True):
+        total = total + x * y
+    return total

@@ -7,7 +7,7 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from mp2a.spatial import Array
+from mp2a.spatial import Array, quaternion_matrix
 
 Message = TypeVar("Message")
 
@@ -28,12 +28,7 @@ def heading(q: Quaternion) -> float:
 
 def rotation(q: Quaternion) -> Array:
     """Matrix ``(3, 3)`` of a unit quaternion: takes vectors from the turned frame."""
-    x, y, z, w = q.x, q.y, q.z, q.w
-    return np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])  # fmt: skip
+    return np.reshape(quaternion_matrix(q.x, q.y, q.z, q.w), (3, 3))
 
 
 class LastSeen(Generic[Message]):

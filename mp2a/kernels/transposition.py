@@ -53,8 +53,8 @@ def scatter(real: Real) -> Any:
     return scatter
 
 
-def turn_in(real: Real) -> Any:
-    """``turn_in(table, stride, first, last, column, columns, target, place)``: a square of a table, transposed.
+def transpose_in(real: Real) -> Any:
+    """``transpose_in(table, stride, first, last, column, columns, target, place)``: a square of a table, transposed.
 
     From ``column`` on, of at most ``columns`` columns; rows as in `gather`. A vector for each column goes to
     ``target`` from ``place`` on.
@@ -62,7 +62,7 @@ def turn_in(real: Real) -> Any:
     lanes = real.lanes
 
     @intrinsic
-    def turn_in(
+    def transpose_in(
         context: Any, table: Any, stride: Any, first: Any, last: Any, column: Any, columns: Any, target: Any,
         place: Any,
     ) -> Any:  # fmt: skip
@@ -81,15 +81,15 @@ def turn_in(real: Real) -> Any:
 
         return types.void(table, *[types.int64] * 5, target, types.int64), emit
 
-    return turn_in
+    return transpose_in
 
 
-def turn_out(real: Real) -> Any:
-    """``turn_out(table, stride, first, last, column, columns, source, place)``: `turn_in` the other way."""
+def transpose_out(real: Real) -> Any:
+    """``transpose_out(table, stride, first, last, column, columns, source, place)``: `transpose_in` the other way."""
     lanes = real.lanes
 
     @intrinsic
-    def turn_out(
+    def transpose_out(
         context: Any, table: Any, stride: Any, first: Any, last: Any, column: Any, columns: Any, source: Any,
         place: Any,
     ) -> Any:  # fmt: skip
@@ -108,7 +108,7 @@ def turn_out(real: Real) -> Any:
 
         return types.void(table, *[types.int64] * 5, source, types.int64), emit
 
-    return turn_out
+    return transpose_out
 
 
 def _row_starts(builder: Any, lanes: int, pointer: Any, stride: Any, first: Any, last: Any) -> list[Any]:

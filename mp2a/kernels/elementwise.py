@@ -46,7 +46,7 @@ def _store_row(builder: ir.IRBuilder, start: Any, values: Numbers) -> None:
         builder.store(value.value, builder.gep(start, [ir.Constant(INDEX, i)])).align = 1
 
 
-def samplewise(formula: Formula, columns: Sequence[int], *, block: bool) -> Any:
+def elementwise(formula: Formula, columns: Sequence[int], *, block: bool) -> Any:
     """Make a formula a function that numba's compiled functions can call.
 
     Parameters

@@ -2,15 +2,14 @@
 
 from typing import Any
 
-import numba
-
 from mp2a.kernels import steps
 from mp2a.kernels.lanes import Real
-from mp2a.kernels.plan import (
+from mp2a.kernels.primitives import compiled
+from mp2a.kernels.tables import (
+    BODY_CONSTANTS,
     FORK,
-    FRAME,
+    FRAME_CONSTANTS,
     FREE,
-    HOT,
     KIND,
     PLANAR,
     PRISMATIC,
@@ -21,40 +20,40 @@ from mp2a.kernels.plan import (
 )
 
 
-def inwards(real: Real, *, lanewise: bool) -> Any:
+def backward_pass(real: Real, *, per_lane: bool) -> Any:
     """Make the step from a body to its parent.
 
     Returns
     -------
     Callable
         ``f(i, wrench, tables, memory, torque)`` to the wrench on the parent, with the tables of
-        `mp2a.kernels.plan.Plan`, scratch memory and where the torque goes.
+        `mp2a.kernels.tables.ModelTables`, scratch memory and where the torque goes.
     """
     lanes = real.lanes
     load, put, screw_torque = real.load(), real.put_columns(), real.lift(steps.screw_torque)
-    two, three = real.record(2, lanewise=lanewise), real.record(3, lanewise=lanewise)
+    two, three = real.record(2, per_lane=per_lane), real.record(3, per_lane=per_lane)
     vectors, rotation = real.vectors(3), real.vectors(9)
     slide, join = real.lift(steps.slide, 3), real.lift(steps.join, 6)
-    single, general = real.lift(steps.wrench_inwards, 6), real.lift(steps.general_inwards, 6)
+    single, general = real.lift(steps.wrench_to_parent, 6), real.lift(steps.general_wrench_to_parent, 6)
 
-    @numba.njit(forceinline=True)
+    @compiled
     def step(i: Any, wrench: Any, tables: Any, memory: Any, torque: Any) -> Any:
-        hot, frames, topology = tables
-        row, record = i * TOPOLOGY, i * HOT
+        body_constants, frame_constants, topology = tables
+        row, record = i * TOPOLOGY, i * BODY_CONSTANTS
         kind, slot, column = topology[row + KIND], topology[row + SLOT], topology[row + V_COLUMN]
         if kind <= SCREW:
-            tilt, place = two(hot, record), three(hot, record + 2)
+            tilt, place = two(body_constants, record), three(body_constants, record + 2)
             turn = load(memory, slot), load(memory, slot + lanes)
             if kind >= PRISMATIC:
                 result = wrench[5:6]
                 if kind == SCREW:
-                    result = (screw_torque((wrench, two(hot, record + 16))),)
+                    result = (screw_torque((wrench, two(body_constants, record + 16))),)
                 carried = single((wrench, turn + tilt, slide((load(memory, slot + 8 * lanes), place, tilt))))
             else:
                 result = wrench[2:3]
                 carried = single((wrench, turn + tilt, place))
             if topology[row + FORK]:
-                carried = join((carried, two(frames, i * FRAME + 18)))
+                carried = join((carried, two(frame_constants, i * FRAME_CONSTANTS + 18)))
             put(torque, column, result)
         else:
             if kind == PLANAR:

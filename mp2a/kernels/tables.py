@@ -29,10 +29,10 @@ leaves for the way back, of its wrench, of its parent's state (-1: the body befo
 if others need it (else -1), and of the parent's wrench."""
 
 TOPOLOGY = 9
-HOT = 18
+BODY_CONSTANTS = 18
 """Numbers a body in the first table: cosine and sine about x, place (3), mass, moment (3), inertia (6), angle, and how
 much a `SCREW` turns and slides."""
-FRAME = 22
+FRAME_CONSTANTS = 22
 """In the second: the user's frame (9), rotation of joints with several degrees of freedom (9), cosine and sine of the
 turn that a fork brings along, cosine and sine of the joint's angle."""
 
@@ -42,7 +42,7 @@ CACHE_LINE = 64
 _RINGS, _WRENCH = 3, 6
 
 
-class Format(NamedTuple):
+class NumberFormat(NamedTuple):
     """A number format of the kernels."""
 
     name: str
@@ -50,13 +50,13 @@ class Format(NamedTuple):
     dtype: np.dtype
 
 
-FORMATS = {
-    np.dtype(np.float64): Format("double", 8, np.dtype(np.float64)),
-    np.dtype(np.float32): Format("single", 16, np.dtype(np.float32)),
+NUMBER_FORMATS = {
+    np.dtype(np.float64): NumberFormat("double", 8, np.dtype(np.float64)),
+    np.dtype(np.float32): NumberFormat("single", 16, np.dtype(np.float32)),
 }
 
 
-class Job(NamedTuple):
+class KernelJob(NamedTuple):
     """What the kernel is to do; it gets these numbers in this order.
 
     Of arrays it gets the address of their pointer (`mp2a.kernels.pointer`), of strides the numbers to the next sample,
@@ -69,8 +69,8 @@ class Job(NamedTuple):
     nv: int
     columnwise: int
     """Whether the samples of a column lie together in q, v, a and the torque, else the columns of a sample."""
-    hot: int
-    frames: int
+    body_constants: int
+    frame_constants: int
     topology: int
     base: int
     """``(T or 1, 12)``: the base's angular velocity, angular acceleration, acceleration less gravity, velocity."""
@@ -99,35 +99,35 @@ class Job(NamedTuple):
     """T, made a multiple of the lanes."""
     root: int
     """``(6, padded)``: wrench on the base."""
-    again: int
+    backward_only: int
     """Whether to go the way back only, over what an earlier run left in the scratch memory."""
 
 
-AT = Job(*range(len(Job._fields)))
+AT = KernelJob(*range(len(KernelJob._fields)))
 """Place of each number."""
 
 
 @dataclass(frozen=True)
-class Plan:
+class ModelTables:
     """Tables of a chain for one number format.
 
     Attributes
     ----------
-    hot, frames
-        ``(n, HOT)``, ``(n, FRAME)``
+    body_constants, frame_constants
+        ``(n, BODY_CONSTANTS)``, ``(n, FRAME_CONSTANTS)``
     topology
         ``(n, TOPOLOGY)``
     scratch
         Numbers of scratch memory that a thread needs.
     """
 
-    hot: Array
-    frames: Array
+    body_constants: Array
+    frame_constants: Array
     topology: NDArray[np.int64]
     scratch: int
 
 
-class Frames(NamedTuple):
+class AxisFrames(NamedTuple):
     """Frames chosen anew, all bodies at once."""
 
     kinds: NDArray[np.intp]
@@ -143,7 +143,7 @@ class Frames(NamedTuple):
     """``(n,)`` rad each."""
 
 
-def choose_frames(model: Model) -> Frames:
+def choose_frames(model: Model) -> AxisFrames:
     """Choose the frames of a chain's bodies."""
     n = len(model)
     kinds = np.array([_KINDS[joint] for joint in model.joints])
@@ -167,34 +167,34 @@ def choose_frames(model: Model) -> Frames:
     inner = np.where(single[:, None, None], _about_z(fork), np.eye(3))
     places = np.einsum("nji,nkj,nk->ni", inner, outer, model.translations)
     general = np.where(single[:, None, None], np.eye(3), transpose(outer) @ model.rotations)
-    return Frames(kinds, user, general, places, np.where(single, about_x, 0.0), angle, fork)
+    return AxisFrames(kinds, user, general, places, np.where(single, about_x, 0.0), angle, fork)
 
 
-def make_plan(model: Model, format_: Format, *, bodies: bool) -> Plan:
+def make_tables(model: Model, format_: NumberFormat, *, bodies: bool) -> ModelTables:
     """Make the tables of a chain."""
     frames = choose_frames(model)
     n, lanes = len(model), format_.lanes
-    hot = np.empty((n, HOT))
-    hot[:, 0], hot[:, 1] = np.cos(frames.about_x), np.sin(frames.about_x)
-    hot[:, 2:5] = frames.places
-    hot[:, 5] = model.masses
-    hot[:, 6:9] = np.einsum("nji,nj->ni", frames.user, model.masses[:, None] * model.coms)
+    body_constants = np.empty((n, BODY_CONSTANTS))
+    body_constants[:, 0], body_constants[:, 1] = np.cos(frames.about_x), np.sin(frames.about_x)
+    body_constants[:, 2:5] = frames.places
+    body_constants[:, 5] = model.masses
+    body_constants[:, 6:9] = np.einsum("nji,nj->ni", frames.user, model.masses[:, None] * model.coms)
     inertia = transpose(frames.user) @ model.origin_inertias @ frames.user
-    hot[:, 9:15] = inertia[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
-    hot[:, 15] = frames.angle
-    hot[:, 17] = frames.kinds == PRISMATIC
-    hot[:, 16] = 1.0 - hot[:, 17]
-    cold = np.empty((n, FRAME))
-    cold[:, :9] = frames.user.reshape(n, 9)
-    cold[:, 9:18] = frames.general.reshape(n, 9)
-    cold[:, 18], cold[:, 19] = np.cos(frames.fork), np.sin(frames.fork)
-    cold[:, 20], cold[:, 21] = np.cos(frames.angle), np.sin(frames.angle)
+    body_constants[:, 9:15] = inertia[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+    body_constants[:, 15] = frames.angle
+    body_constants[:, 17] = frames.kinds == PRISMATIC
+    body_constants[:, 16] = 1.0 - body_constants[:, 17]
+    frame_constants = np.empty((n, FRAME_CONSTANTS))
+    frame_constants[:, :9] = frames.user.reshape(n, 9)
+    frame_constants[:, 9:18] = frames.general.reshape(n, 9)
+    frame_constants[:, 18], frame_constants[:, 19] = np.cos(frames.fork), np.sin(frames.fork)
+    frame_constants[:, 20], frame_constants[:, 21] = np.cos(frames.angle), np.sin(frames.angle)
     topology, vectors = _lay_out(model, frames, 12 if bodies else 9, lanes)
     scratch = vectors * lanes + CACHE_LINE // format_.dtype.itemsize
-    return Plan(hot.astype(format_.dtype), cold.astype(format_.dtype), topology, scratch)
+    return ModelTables(body_constants.astype(format_.dtype), frame_constants.astype(format_.dtype), topology, scratch)
 
 
-def _lay_out(model: Model, frames: Frames, motion: int, lanes: int) -> tuple[NDArray[np.int64], int]:
+def _lay_out(model: Model, frames: AxisFrames, motion: int, lanes: int) -> tuple[NDArray[np.int64], int]:
     """Give everything its place in the scratch memory; returns the table and how many vectors there are."""
     n, parents = len(model), model.parents
     ground = _RINGS * 2 * lanes
@@ -219,7 +219,7 @@ def _lay_out(model: Model, frames: Frames, motion: int, lanes: int) -> tuple[NDA
     return table, int(ends[-1])
 
 
-def lay_out_screws(length: int, format_: Format, *, bodies: bool) -> tuple[NDArray[np.int64], int]:
+def lay_out_screws(length: int, format_: NumberFormat, *, bodies: bool) -> tuple[NDArray[np.int64], int]:
     """Topology of a block of screws, of which each lane has its own, and the numbers of scratch memory it needs."""
     lanes, motion = format_.lanes, 12 if bodies else 9
     root = _RINGS * 2 * lanes + motion

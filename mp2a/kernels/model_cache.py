@@ -6,16 +6,16 @@ from typing import Generic, TypeVar
 
 from mp2a.model import Model
 
-Made = TypeVar("Made")
+Entry = TypeVar("Entry")
 
 
-class Kept(Generic[Made]):
+class ModelCache(Generic[Entry]):
     """Things made of chains, by the chain itself (not by what is in it, which takes long to compare) and a key."""
 
     def __init__(self) -> None:
-        self._held: dict[tuple[int, Hashable], tuple[weakref.ref[Model], Made]] = {}
+        self._held: dict[tuple[int, Hashable], tuple[weakref.ref[Model], Entry]] = {}
 
-    def get(self, model: Model, key: Hashable, make: Callable[[], Made]) -> Made:
+    def get(self, model: Model, key: Hashable, make: Callable[[], Entry]) -> Entry:
         """Return what was made of a chain, or make it."""
         place = id(model), key
         known = self._held.get(place)
