@@ -17,7 +17,8 @@ from mp2a.bench.machine import machine_line
 from mp2a.bench.settings import BenchSettings
 from mp2a.cli.options import ranks
 from mp2a.network import EmulatedNetwork
-from mp2a.plot.latency import CONTENDERS, emulated, latency
+from mp2a.plot import latency_figure, save_figure
+from mp2a.plot.latency import CONTENDERS, emulated
 from mp2a.tables import Column, Spread, Table, show, show_ratio, show_seconds
 
 RIVALS = ("kogge-stone", PIPELINE)
@@ -43,7 +44,7 @@ def main() -> None:
     content = results.load(options.out)
     machines = dict.fromkeys(f"Measured on {machine_line(run['machine'])}." for run in content["runs"])
     show([table(content)], list(machines), options.format)
-    print(latency(content, options.out.with_suffix(".png")))
+    print(save_figure(latency_figure(content), options.out.with_suffix(".png")))
 
 
 def table(content: dict[str, Any]) -> Table:

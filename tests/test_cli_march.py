@@ -229,16 +229,19 @@ def test_a_mistake_ends_all_ranks(tmp_path, arguments, message):
 
 
 def test_a_file_that_holds_no_march_is_refused(tmp_path):
-    for name, text in (("a.json", "[1]"), ("b.npz", "x"), ("c.json", '{"format": 9, "about": {}}')):
+    for name, text in (("a.json", "[1]"), ("b.npz", "x")):
         (tmp_path / name).write_text(text)
         with pytest.raises(InputError, match="cannot be read as a march"):
             load(tmp_path / name)
     with pytest.raises(InputError, match="cannot be read"):
-        load(tmp_path / "nothing.json")
+        load(tmp_path / "nothing.npz")
     mp2a("--n", 1, "--path", "0,0 1,0", "--out", tmp_path / "x", "--write", "npz", "--quiet")
     record, about = load(tmp_path / "x-scan.npz")
-    save(tmp_path / "x.json", record, about)
-    again, _ = load(tmp_path / "x.json")
+    save(tmp_path / "y.npz", record, about)
+    again, _ = load(tmp_path / "y.npz")
     assert (again.pose == record.pose).all()
-    with pytest.raises(InputError, match=r"out: .* cannot be written"):
-        save(tmp_path / "a.json" / "x.json", record, about)
+    save(tmp_path / "y.npz", record, about | {"format": 9})
+    with pytest.raises(InputError, match="cannot be read as a march .format 9."):
+        load(tmp_path / "y.npz")
+    with pytest.raises(OutputError, match="a.json"):
+        save(tmp_path / "a.json" / "x.npz", record, about)

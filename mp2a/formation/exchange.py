@@ -100,8 +100,7 @@ class LocalExchange:
         q, v, a, forces = _joint_state(joints, external)
         samples = len(q)
         q, v, a = (x.reshape(samples, -1) for x in (q, v, a))
-        result = rnea(self.model, q, v, a, forces, method=self.method, bodies=True)
-        return _in_the_plane(result)
+        return _in_the_plane(rnea(self.model, q, v, a, forces, method=self.method, bodies=True))
 
     def together(self, call: Call) -> AbstractContextManager[Call]:
         """Return the call itself: an error here is nobody else's."""
@@ -131,7 +130,7 @@ class MPIExchange:
 
     def run(self, joints: PlanarMotion, external: Array) -> PlanarDynamics:
         """Run this rank's part of the scan."""
-        return self._run(self.ranks.rnea, joints, external)
+        return _on_this_rank(self.ranks.rnea, joints, external)
 
     @contextmanager
     def together(self, call: Call) -> Iterator[Call]:
@@ -141,14 +140,7 @@ class MPIExchange:
                 yield cast("Call", shared)
         else:
             with self.ranks.together(self.ranks.rnea) as shared:
-                yield cast("Call", partial(self._run, shared))
-
-    def _run(self, call: Callable[..., InverseDynamics], joints: PlanarMotion, external: Array) -> PlanarDynamics:
-        q, v, a, forces = (x[:, 0] for x in _joint_state(joints, external))
-        result = call(q, v, a, forces, bodies=True)
-        velocity, acceleration, force = (x[:, None] for x in (result.velocity, result.acceleration, result.force))
-        placement = Placement(*(x[:, None] for x in result.placement))
-        return _in_the_plane(InverseDynamics(velocity, acceleration, force, result.torque, placement))
+                yield cast("Call", partial(_on_this_rank, shared))
 
 
 class FormationScan(NamedTuple):
@@ -178,6 +170,13 @@ def _joint_state(joints: PlanarMotion, external: Array) -> tuple[Array, Array, A
     force = np.zeros((*external.shape[:-1], 6))
     force[..., 2:5] = external[..., [2, 0, 1]]
     return joints.coordinates(), joints.velocity, joints.rate, force
+
+
+def _on_this_rank(call: Callable[..., InverseDynamics], joints: PlanarMotion, external: Array) -> PlanarDynamics:
+    result = call(*(x[:, 0] for x in _joint_state(joints, external)), bodies=True)
+    velocity, acceleration, force = (x[:, None] for x in (result.velocity, result.acceleration, result.force))
+    placement = Placement(*(x[:, None] for x in result.placement))
+    return _in_the_plane(InverseDynamics(velocity, acceleration, force, result.torque, placement))
 
 
 def _in_the_plane(result: InverseDynamics) -> PlanarDynamics:
