@@ -1,4 +1,4 @@
-"""How a run of robots ended: who arrived, who did not and why, who touched whom. The same for simulated and real ones."""
+"""How a run of robots ended: who arrived, who did not and why, who touched whom; simulated robots and real ones."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -30,7 +30,7 @@ class Outcome(NamedTuple):
         return self.arrived and not self.touched
 
     def __str__(self) -> str:
-        where = "" if self.distance != self.distance else f"{self.distance:.2f} m from its place"  # noqa: PLR0124 (nan)
+        where = "" if self.distance != self.distance else f"{self.distance:.2f} m from its place"
         text = ", ".join(part for part in ("arrived" if self.arrived else "did not arrive", where) if part)
         text += f": {self.reason}" if self.reason else ""
         return f"{self.role} {text}" + (f"; touched {', '.join(self.touched)}" if self.touched else "")
