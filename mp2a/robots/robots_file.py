@@ -19,10 +19,7 @@ else:
 ORIGINS = ("in-place", "fixed-frame")
 _MODEL_FIELDS = {field.name: field.type for field in dataclasses.fields(RobotModel) if field.name != "name"}
 _FIELDS = {field.name: field.type for field in dataclasses.fields(RobotConfig) if field.name != "model"}
-_TOPICS = (
-    "command_topic", "human_topic", "odometry_topic", "pose_topic", "twist_topic", "points_topic", "sound_topic",
-    "ready_topic", "stop_front_topic", "stop_rear_topic", "obstacles_topic", "acquire", "release",
-)  # fmt: skip
+_TOPICS = (*(name for name in _FIELDS if name.endswith("_topic") and name != "tf_topic"), "acquire", "release")
 _FRAMES = ("fixed_frame", "body_frame")
 
 
