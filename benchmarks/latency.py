@@ -49,16 +49,24 @@ def main() -> None:
 
 def table(content: dict[str, Any]) -> Table:
     """Make the table of the times of one sample, and how many times faster the sweep is."""
-    columns = [Column("latency", show_seconds, "s"), Column("n")]
+    columns = [Column("latency", show_seconds, "s"), Column("Mbit/s", "{:g}".format), Column("n")]
     columns += [Column(name, show_seconds, "s") for name in CONTENDERS]
     columns += [Column(f"sweep over {name}", show_ratio) for name in RIVALS]
     rows = []
-    for seconds, runs in emulated(content).items():
+    for network, runs in emulated(content).items():
         for run in runs:
             walls = {name: sizes["single"]["walls"] for name, sizes in run["measured"].items()}
             times = [Spread.of(walls[name]) if name in walls else None for name in CONTENDERS]
-            rows.append([seconds, run["n"], *times, *(ratio(walls, name, "sweep") for name in RIVALS)])
-    return Table("time of one sample", columns, rows, keys=2)
+            rows.append(
+                [
+                    network.latency,
+                    network.bandwidth / 1e6,
+                    run["n"],
+                    *times,
+                    *(ratio(walls, name, "sweep") for name in RIVALS),
+                ]
+            )
+    return Table("time of one sample", columns, rows, keys=3)
 
 
 if __name__ == "__main__":

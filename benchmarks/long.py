@@ -29,8 +29,8 @@ from mp2a.bench.machine import describe_machine
 from mp2a.cli.options import ranks as numbers
 from mp2a.cores import available_memory
 from mp2a.kernels.long import WORTH_IT
-from mp2a.plot.style import FAINT, LOOKS, Look, canvas, curve, handle, legends, styled, target
-from mp2a.plot.style import save as save_figure
+from mp2a.plot.looks import FAINT, LOOKS, Look
+from mp2a.plot.style import canvas, curve, handle, legends, save_figure, styled
 from mp2a.reference import data_bytes
 from mp2a.tables import Column, Table, show_plain, show_ratio, show_seconds
 
@@ -74,9 +74,7 @@ def main() -> None:
         spinner.update("taking turns")
         results["seconds"] = take_turns(contenders, options.repeats)
     finish(results, tables(results), [], options)
-    out = target(options.out.with_suffix(".png"))
-    with styled():
-        print(save_figure(figure(results), out))
+    print(save_figure(figure(results), options.out.with_suffix(".png")))
 
 
 def random_state(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -150,6 +148,7 @@ def tables(results: dict[str, Any]) -> list[Table]:
     return [Table("one sample of a long chain", columns, rows)]
 
 
+@styled()
 def figure(results: dict[str, Any]) -> Figure:
     """Draw time and memory over the number of bodies."""
     drawn = canvas(7.2, 3.4)

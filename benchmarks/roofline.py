@@ -25,8 +25,8 @@ from mp2a.bench.machine import describe_machine
 from mp2a.cli.options import ranks as numbers
 from mp2a.kernels.symbols import LANES
 from mp2a.kernels.tables import NUMBER_FORMATS, make_tables
-from mp2a.plot.style import FAINT, INK, Look, canvas, curve, handle, legends, robots_axis, styled, target
-from mp2a.plot.style import save as save_figure
+from mp2a.plot.looks import FAINT, INK, Look
+from mp2a.plot.style import canvas, curve, handle, legends, robots_axis, save_figure, styled
 from mp2a.tables import Column, Table, show_plain
 
 CASES = {
@@ -59,9 +59,7 @@ def main() -> None:
             spinner.update(f"n = {n}")
             results["runs"].append(run(n, options.samples, options.repeats))
     finish(results, tables(results), [], options)
-    out = target(options.out.with_suffix(".png"))
-    with styled():
-        print(save_figure(figure(results), out))
+    print(save_figure(figure(results), options.out.with_suffix(".png")))
 
 
 def counted(case: str) -> dict[str, counts.Count]:
@@ -173,6 +171,7 @@ def tables(results: dict[str, Any]) -> list[Table]:
     return out
 
 
+@styled()
 def figure(results: dict[str, Any]) -> Figure:
     """Draw the roofline, and time beside its bounds."""
     drawn = canvas(7.6, 3.5)
@@ -241,7 +240,7 @@ def _times(axes: Axes, results: dict[str, Any]) -> None:
     for case in ("columns", "columns bodies"):
         axes.plot(n, [bounds(results, run, case)["arithmetic"] for run in runs], color=INK, linestyle="--", linewidth=1)
     axes.plot(n, [bounds(results, run, "columns")["memory"] for run in runs], color=FAINT, linestyle=(0, (1, 1.5)))
-    robots_axis(axes, int(n.max()), int(n.min()))
+    robots_axis(axes, n.tolist())
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(_ticks([0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100]))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

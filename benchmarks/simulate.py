@@ -12,7 +12,7 @@ from mp2a.bench.machine import machine_line
 from mp2a.bench.simgrid import NETWORKS
 from mp2a.cli.options import add_format, ranks
 from mp2a.exceptions import DependencyError, InputError
-from mp2a.plot.simulated import simulated
+from mp2a.plot import save_figure, simulated_figure
 from mp2a.tables import Column, Table, show, show_seconds
 
 SIZES = (8, 32, 128, 512, 4096, 65536)
@@ -48,7 +48,7 @@ def main() -> None:
             for gap in held["left_out"]
         ]
         show([table(held)], [*notes, f"Costs measured on {machine_line(held['machine'])}."], options.format)
-        print(simulated(held, options.out.with_suffix(".png")))
+        print(save_figure(simulated_figure(held), options.out.with_suffix(".png")))
     except (InputError, DependencyError, OSError) as error:
         parser.exit(2, f"{error}\n")
 
