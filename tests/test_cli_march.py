@@ -88,7 +88,7 @@ def test_a_choreography_begins_where_it_is_told_to(tmp_path):
 def test_help_has_examples():
     printed = mp2a("--help").stdout
     assert "examples:" in printed
-    assert "mpirun -n 8 mp2a march" in printed
+    assert "mp2a run -n 8 mp2a march" in printed
 
 
 @pytest.mark.parametrize(

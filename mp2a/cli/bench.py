@@ -31,7 +31,7 @@ def add(commands: Any) -> None:
         _bench,
         "Time inverse dynamics of a formation, one rank a robot, against relay, centre and pinocchio.",
         "  mp2a bench --ranks 1,2,4,8                start mpirun for each number of ranks\n"
-        "  mpirun -n 8 mp2a bench                    measure on the ranks that are there\n"
+        "  mp2a run -n 8 mp2a bench                  measure on the ranks that are there\n"
         "  mp2a bench --ranks 8,64 --samples 1 --network 5ms,54Mbit --out results/radio.json",
     )
     parser.add_argument("--ranks", type=ranks, metavar="N,N,…", help="numbers of ranks to start (default: 1,2,4,8)")
