@@ -25,7 +25,8 @@ attempt = timeout --kill-after 10 480 $(1) < /dev/null || echo "NOT INSTALLED: $
 
 # What goes through MPI, over MPICH's wheel and over Debian's Open MPI (4.1 or later). Each has an environment of its own
 # with the packages of .venv: mpi4py finds the MPI of the environment it runs in first, and then the machine's.
-MPI_TESTS := tests/test_mpi.py tests/test_launch.py tests/test_cli_run.py tests/test_dependencies.py
+MPI_TESTS := tests/test_mpi.py tests/test_launch.py tests/test_cli_run.py tests/test_dependencies.py \
+    -k 'not programs[5] and not programs[8]'
 # $(call beside,ENVIRONMENT): an environment that has the packages of .venv as well.
 beside = $(PYTHON) -m venv $(1) && $(BIN)/python -c "import site; \
     print(f'import site; site.addsitedir({site.getsitepackages()[0]!r})')" > \

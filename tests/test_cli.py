@@ -176,7 +176,7 @@ for k in range(100):
 @pytest.mark.parametrize("picture", ["time", "speedup"])
 def test_plots_of_a_bench(bench, picture):
     path, _, _ = bench
-    out = path.with_name(f"{picture}.png")
+    out = path.with_name(f"{path.stem}-{picture}.png")
     assert mp2a("plot", picture, path).stdout.strip() == str(out)
     assert out.stat().st_size > 5000
 

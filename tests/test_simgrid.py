@@ -26,8 +26,7 @@ from mp2a.bench.simgrid import (
     simulate,
 )
 from mp2a.exceptions import DependencyError, InputError
-from mp2a.plot.simulated import simulated as draw
-from mp2a.plot.simulated import simulated_figure
+from mp2a.plot import save_figure, simulated_figure
 from mp2a.schedule import rounds_needed
 
 METHODS = ("pipeline", "kogge-stone", "compact", "sweep")
@@ -313,7 +312,7 @@ def test_the_figure_holds_every_time_and_says_simulated(tmp_path):
             assert_allclose(line.get_xydata(), expected)
     assert "imulated (SimGrid" in figure.get_suptitle()
     assert all("simulated" in axes.get_ylabel() for axes in grid[:, 0])
-    assert draw(results(), tmp_path / "new" / "a.png").stat().st_size > 10_000
+    assert save_figure(figure, tmp_path / "new" / "a.png").stat().st_size > 10_000
 
 
 def test_a_gap_is_mentioned_in_the_figure():

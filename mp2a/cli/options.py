@@ -4,11 +4,16 @@ import argparse
 import sys
 import traceback
 from collections.abc import Callable
-from typing import Any, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from mp2a.bench.settings import ERROR, PROGRESS
 from mp2a.exceptions import DependencyError, InputError, OutputError
+from mp2a.file_kinds import kind_of_file
 from mp2a.network import EmulatedNetwork, parse
+
+if TYPE_CHECKING:
+    from mp2a.formation.robot_models import RobotModel
 
 T = TypeVar("T")
 
@@ -117,6 +122,49 @@ def positive_number(text: str) -> float:
     if not 0 < number < float("inf"):
         raise argparse.ArgumentTypeError(f"got {text!r}, expected a positive number")
     return number
+
+
+def bounded(least: float, most: float, unit: str) -> Callable[[str], float]:
+    """Return a reader of numbers between two bounds, which stand in the error."""
+
+    def read(text: str) -> float:
+        try:
+            number = float(text)
+        except ValueError:
+            number = float("nan")
+        if not least <= number <= most:
+            raise argparse.ArgumentTypeError(f"got {text!r}, expected a number from {least:g} to {most:g} {unit}")
+        return number
+
+    return read
+
+
+speed = bounded(1e-3, 100.0, "m/s")
+"""Read a speed of a robot."""
+
+
+def read_scenario(path: Path, name: str = "FILE") -> str:
+    """Read a scenario's text; ``name`` is what errors call the argument."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{name}: {path} cannot be read as text: it is {kind_of_file(path)}, expected a scenario"
+        ) from error
+
+
+def robot_models(text: str) -> "RobotModel | dict[str, RobotModel]":
+    """Read models of robots, as in ``husky`` or ``R1=husky,R2=tradr``."""
+    from mp2a.formation.robot_models import ROBOTS
+
+    def model(name: str) -> "RobotModel":
+        if name.lower() not in ROBOTS:
+            raise InputError(f"--robots: got model {name!r}, expected one of {', '.join(ROBOTS)}")
+        return ROBOTS[name.lower()]
+
+    if "=" not in text:
+        return model(text)
+    return {role: model(name) for role, _, name in (part.partition("=") for part in text.split(","))}
 
 
 def say_line(what: str) -> None:
