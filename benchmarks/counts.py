@@ -66,7 +66,7 @@ def body(*, rows: bool, bodies: bool) -> dict[str, Count]:
         "sine and cosine": formula(_angle, 1, 1, 1),
         "motion": formula(steps.revolute, motion, 4, 3, 1, 1),
         "wrench": formula(steps.wrench, motion, 1, 3, 6),
-        "way back": formula(steps.total, 6, 6) + formula(steps.wrench_inwards, 6, 4, 3),
+        "way back": formula(steps.total, 6, 6) + formula(steps.wrench_to_parent, 6, 4, 3),
     }
     if bodies:
         found["user's frames"] = formula(steps.reported, motion, 9) + formula(steps.turned, 6, 9)
@@ -89,7 +89,7 @@ def chains() -> tuple[int, int]:
     motion, rest = [_Link(0)] * 9, _Link(-1000)
     outwards = steps.revolute(tuple(motion), (rest,) * 4, (rest,) * 3, rest, rest)
     wrench = steps.total((_Link(0),) * 6, (rest,) * 6)
-    inwards = steps.wrench_inwards(wrench, (rest,) * 4, (rest,) * 3)
+    inwards = steps.wrench_to_parent(wrench, (rest,) * 4, (rest,) * 3)
     return max(link.last for link in _links(outwards)), max(link.last for link in _links(inwards))
 
 
@@ -117,8 +117,8 @@ def _links(results: Any) -> list[_Link]:
     return [results] if isinstance(results, _Link) else [link for result in results for link in _links(result)]
 
 
-def _angle(q: Symbol, offset: Symbol, doubt: Symbol) -> tuple[Symbol, ...]:
-    return *steps.angle(q, offset), steps.doubt_angle(doubt, q, offset)
+def _angle(q: Symbol, offset: Symbol, invalid: Symbol) -> tuple[Symbol, ...]:
+    return *steps.angle(q, offset), steps.invalid_angle(invalid, q, offset)
 
 
 def formula(function: Callable[..., Any], *sizes: int) -> Count:

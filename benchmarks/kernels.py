@@ -10,7 +10,7 @@ from mp2a import kernels
 from mp2a.bench.machine import describe_machine
 from mp2a.tables import Column, Table, show_ratio, show_seconds
 
-COLUMNS = {"compose": (24, 24), "move": (28, 24), "force": (28, 6, 6), "carry": (24, 6)}
+COLUMNS = {"compose": (24, 24), "transform": (28, 24), "force": (28, 6, 6), "transform_force": (24, 6)}
 SAMPLES = (1, 8, 100, 2000)
 
 

@@ -23,8 +23,8 @@ from rich.console import Console
 from mp2a import Model
 from mp2a.bench.machine import describe_machine
 from mp2a.cli.options import ranks as numbers
-from mp2a.kernels.plan import FORMATS, make_plan
 from mp2a.kernels.symbols import LANES
+from mp2a.kernels.tables import NUMBER_FORMATS, make_tables
 from mp2a.plot.looks import FAINT, INK, Look
 from mp2a.plot.style import canvas, curve, handle, legends, robots_axis, save_figure, styled
 from mp2a.tables import Column, Table, show_plain
@@ -72,7 +72,7 @@ def run(n: int, samples: int, repeats: int) -> dict[str, Any]:
     model = Model.random(n)
     state = model.random_state(samples)
     size = min(n * samples, _LARGEST_STREAM)
-    scratch = make_plan(model, FORMATS[np.dtype(np.float64)], bodies=False).scratch
+    scratch = make_tables(model, NUMBER_FORMATS[np.dtype(np.float64)], bodies=False).scratch
     return {
         "n": n,
         "seconds": take_turns({case: ours(model, state, *_parts(case)) for case in CASES}, repeats),

@@ -67,39 +67,41 @@ def seconds(run: Run) -> float:
 
 def ours(name: str, after: ExitStack) -> dict[str, Run]:
     """Repeat every round of a method many times."""
-    from mp2a import Model
+    from mp2a import Model, kernels
     from mp2a.methods import METHODS
+    from mp2a.methods.block import Block
     from mp2a.mpi import MPI
+    from mp2a.program.rank import RankProgram
     from mp2a.schedule import Round, Schedule
-    from mp2a.transport.interpreter import interpret
     from mp2a.transport.link import MPILink
-    from mp2a.transport.mpi import MPITransport
     from mp2a.validation import check_state
 
-    class Interpreted(MPITransport):
-        def run(self, *what: object) -> None:
-            interpret(*what, self)
-
     comm, method, model = MPI.COMM_WORLD, METHODS[name], Model.random(2)
-    body, gravity = model.body(comm.Get_rank()), np.zeros(3)
-    state = check_state(body, *model.random_state(body=comm.Get_rank()), None)
+    rank = comm.Get_rank()
+    block = Block(model.body(rank), rank, rank == 0, np.zeros(3))
+    state = check_state(block.bodies, *model.random_state(body=rank), None)
     once = method.schedule(2)
     times = range(ROUNDS // len(once.rounds))
     many = Schedule(2, tuple(Round(r.recurrence, k, r.transfers) for r in once.rounds for k in times))
+    recorded = block.record(method, many)
 
-    def through(transport: MPITransport) -> Run:
+    def through(program: RankProgram) -> Run:
+        inputs = block.inputs(state, program.inputs)
+
         def run() -> None:
-            method.solve(body, state, gravity, many, transport)
-            transport.flush()
+            program.run(inputs, 1, 2)
 
-        after.callback(transport.close)
+        after.callback(program.close)
         run()
         return run
 
-    transport = MPITransport(MPILink(comm), many)
-    timed = {"ours": through(transport), "interpreted": through(Interpreted(MPILink(comm), many))}
-    programs = [program.without_messages() for program in transport.programs.values() if program]
-    return timed | ({"arithmetic": lambda: [program() for program in programs]} if programs else {})
+    fast = RankProgram(recorded, MPILink(comm))
+    timed = {"ours": through(fast), "interpreted": through(RankProgram(recorded, MPILink(comm), trace=True))}
+    if kernels.rounds() is None:
+        return timed
+    assert fast.compiled is not None
+    alone = [fast.compiled.arithmetic(name) for name in dict.fromkeys(r.recurrence for r in once.rounds)]
+    return timed | {"arithmetic": lambda: [run() for run in alone]}
 
 
 def bare(name: str, how: str, after: ExitStack) -> Run:

@@ -3,7 +3,6 @@
 import numpy as np
 
 import mp2a
-from mp2a.reference import Reference
 
 quarter = np.pi / 2
 arm = mp2a.Model.from_dh(
@@ -31,7 +30,7 @@ q = np.zeros((len(angles), 6))
 q[:, 1] = angles
 still = np.zeros_like(q)
 torque = mp2a.rnea(arm, q, still, still)
-reference = Reference(arm).rnea(q, still, still).torque
+reference = mp2a.Reference(arm).rnea(q, still, still).torque
 for angle, ours in zip(angles, torque, strict=True):
     bar = "█" * round(abs(ours[1]) / 2)
     print(f"shoulder at {np.degrees(angle):4.0f}°: {ours[1]:7.2f} N m {bar}")

@@ -4,14 +4,14 @@ import sys
 
 import numpy as np
 
-from mp2a.formation import Formation, March, waypoints
+from mp2a.formation import Formation, FormationController, waypoints
 from mp2a.formation.robot_models import HUSKY
 from mp2a.simulator import FormationSimulationDriver, RunRecorder, Simulation, World, disc, simulate
 
 n = int(sys.argv[1]) if len(sys.argv) > 1 else 64
 path = waypoints([[0, 0], [12, 0], [20, 8]], radius=4.0)
 formation = Formation.of("line", n)
-march = March(formation, path)
+march = FormationController(formation, path)
 world = World([], [disc((7, 0.2), 0.4)], "a pillar")
 simulation = Simulation(world, HUSKY, formation.layout.poses(np.zeros(3)))
 robots, recorder = FormationSimulationDriver(march, HUSKY), RunRecorder(simulation, points=False)

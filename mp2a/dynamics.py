@@ -1,33 +1,35 @@
-"""What users call: inverse dynamics of a chain in one process."""
+"""What users call in one process: inverse dynamics and placements of a chain or tree."""
 
-from typing import Literal, overload
+from functools import partial
+from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
-from mp2a import schedule
-from mp2a.algebra import motion
+from mp2a import serial
 from mp2a.checks import count
 from mp2a.exceptions import InputError
-from mp2a.joint_kinematics import joint_motion
-from mp2a.kernels.plan import FORMATS
-from mp2a.methods import METHODS, InverseDynamics
-from mp2a.methods.compact import outwards
+from mp2a.joint_kinematics import BaseMotion, joint_torque
+from mp2a.kernels.tables import NUMBER_FORMATS
+from mp2a.methods import METHODS
+from mp2a.methods.local import solve_locally
 from mp2a.model import Model
-from mp2a.recursion import recursion
-from mp2a.spatial import GRAVITY, Array
-from mp2a.transport.local import LocalTransport
-from mp2a.validation import check_gravity, check_shapes, check_state, check_values
+from mp2a.results import InverseDynamics, Placement
+from mp2a.spatial import Array
+from mp2a.validation import JointState, check_gravity, check_model, check_shapes, check_state, check_values
+
+if TYPE_CHECKING:
+    import pinocchio
 
 
 @overload
 def rnea(
-    model: Model,
+    model: "Model | pinocchio.Model",
     q: ArrayLike,
     v: ArrayLike,
     a: ArrayLike,
     external_forces: ArrayLike | None = ...,
-    gravity: ArrayLike = ...,
+    gravity: ArrayLike | None = ...,
     *,
     method: str = ...,
     bodies: Literal[False] = ...,
@@ -37,12 +39,12 @@ def rnea(
 ) -> Array: ...
 @overload
 def rnea(
-    model: Model,
+    model: "Model | pinocchio.Model",
     q: ArrayLike,
     v: ArrayLike,
     a: ArrayLike,
     external_forces: ArrayLike | None = ...,
-    gravity: ArrayLike = ...,
+    gravity: ArrayLike | None = ...,
     *,
     method: str = ...,
     bodies: Literal[True],
@@ -51,12 +53,12 @@ def rnea(
     out: InverseDynamics | None = ...,
 ) -> InverseDynamics: ...
 def rnea(
-    model: Model,
+    model: "Model | pinocchio.Model",
     q: ArrayLike,
     v: ArrayLike,
     a: ArrayLike,
     external_forces: ArrayLike | None = None,
-    gravity: ArrayLike = GRAVITY,
+    gravity: ArrayLike | None = None,
     *,
     method: str = "serial",
     bodies: bool = False,
@@ -64,14 +66,14 @@ def rnea(
     dtype: DTypeLike = np.float64,
     out: Array | InverseDynamics | None = None,
 ) -> Array | InverseDynamics:
-    """Inverse dynamics of a chain in this process: the joint torques that give these accelerations.
+    """Compute the joint torques that give these accelerations: inverse dynamics in this process.
 
     Parameters
     ----------
     model
-        n bodies.
+        n bodies. A `pinocchio.Model` is converted; the conversion is kept while that model lives and stays the same.
     q
-        Coordinates as pinocchio's, ``(nq,)`` or ``(T, nq)`` for T samples; rad and m. Arrays whose samples lie
+        The coordinates, as pinocchio's, ``(nq,)`` or ``(T, nq)`` for T samples; rad and m. Arrays whose samples lie
         together, such as ``x.T`` of an ``(nq, T)`` one, are taken as they are, as those are whose columns do.
     v, a
         Joint velocities and accelerations, ``(nv,)`` or ``(T, nv)``; rad/s, m/s and rad/s², m/s².
@@ -79,20 +81,21 @@ def rnea(
         ``[torque; force]`` that act on the bodies, each in the body's frame about its *origin*, ``(n, 6)`` or
         ``(T, n, 6)``, N m and N. `mp2a.spatial.force_at_origin` moves the paper's F_RA there from the centre of mass.
     gravity
-        ``(3,)`` m/s² in the base frame.
+        ``(3,)`` m/s² in the base frame; None: the model's own.
     method
         "serial", body after body, the fastest in one process; or one of `mp2a.methods.METHODS`, with all n robots in
         this process.
     bodies
         Return motion and force of every body as well.
     threads
-        How many threads share the samples of method "serial"; None: as many as are worth it, and no more than this
-        process has cores for itself when other ranks run on the machine.
+        The number of threads that share the samples of method "serial"; None: as many as are worth it, and no more
+        than this process has cores for itself when other ranks run on the machine.
     dtype
-        Number format of the result and, with method "serial", of the arithmetic: float64 or float32.
+        The number format of the result and, with method "serial", of the arithmetic: float64 or float32.
     out
-        Array for the torques, of their shape and format; with ``bodies`` what an earlier call with as many samples
-        returned. A loop then needs no new memory, which for many bodies takes longer to get than to fill.
+        An array for the torques, of their shape and format; with ``bodies`` what an earlier call with as many samples
+        returned, all of which is filled again. It is returned. A loop then needs no new memory, which for many bodies
+        takes longer to get than to fill. It may overlap the input.
 
     Returns
     -------
@@ -108,8 +111,8 @@ def rnea(
     Examples
     --------
     >>> import mp2a
-    >>> chain = mp2a.Model.uniform(3, axis=(0, 1, 0))
-    >>> mp2a.rnea(chain, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]).round(3).tolist()
+    >>> model = mp2a.Model.uniform(3, axis=(0, 1, 0))
+    >>> mp2a.rnea(model, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]).round(3).tolist()
     [-44.145, -19.62, -4.905]
     """
     if method != "serial":
@@ -117,75 +120,81 @@ def rnea(
     if threads is not None:
         count("threads", threads)
     form = _format(dtype)
+    model = check_model(model)
     state = check_shapes(model, q, v, a, external_forces)
-    field = check_gravity(gravity)
-    target, rows = _targets(out, (state.samples, len(model)), model.nv, state.single, form, bodies=bodies)
+    field = check_gravity(model, gravity)
+    torque_out, table_out = _targets(out, state, len(model), form, bodies=bodies)
+    # Now, for the results may go where q is, and a caller may change q before the placements are asked for.
+    places = partial(_place, model, state.q.copy(), state.single, form) if bodies else None
     if method == "serial":
-        base = np.zeros(12)
-        base[6:9] -= field
-        found = recursion(model, state, base, bodies=bodies, threads=threads, dtype=form, out=target, rows=rows)
-        return _report(found.torque, found.bodies, state.single)
-    check_values(model, state)
-    chosen = METHODS[method]
-    made = chosen.solve(model, state, field, chosen.schedule(model.parents), LocalTransport(len(model)))
-    torque = made.torque.astype(form, copy=False)
-    if target is not None:
-        target[...] = torque
-        torque = target
+        torque, table, _ = serial.rnea(
+            model, state, BaseMotion.at_rest(field), bodies=bodies, threads=threads, dtype=form, out=torque_out,
+            rows=table_out,
+        )  # fmt: skip
+    else:
+        check_values(model, state)
+        torque, table = _by_messages(method, model, state, field, form, (torque_out, table_out), bodies=bodies)
+    if table is None or places is None:
+        return torque[0] if state.single else torque
+    if isinstance(out, InverseDynamics):
+        out.defer_placement(places)
+        return out
     if state.single:
-        torque = torque[0]
+        torque, table = torque[0], table[0]
+    return InverseDynamics(table[..., :6], table[..., 6:12], table[..., 12:], torque, places)
+
+
+def _by_messages(
+    method: str, model: Model, state: JointState, gravity: Array, form: np.dtype,
+    targets: tuple[Array | None, Array | None], *, bodies: bool,
+) -> tuple[Array, Array | None]:  # fmt: skip
+    """Torques ``(T, nv)``, and motion and force ``(T, n, 18)``, of robots that exchange messages in this process."""
+    scan, _ = solve_locally(METHODS[method], model, state, gravity)
+    torques = joint_torque(model, scan.force)
+    torque, table = targets
+    if torque is None:
+        torque = torques.astype(form, copy=False)
+    else:
+        torque[...] = torques
     if not bodies:
-        return torque
-    names = ("velocity", "acceleration", "force", "rotation", "position")
-    outside = {name: getattr(made, name) for name in names if getattr(made, name) is not None}
-    parts = {name: _samples_first(x, state.single).astype(form, copy=False) for name, x in outside.items()}
-    return InverseDynamics(torque=torque, **parts)
+        return torque, None
+    if table is None:
+        table = np.empty((state.samples, len(model), 18), form)
+    for k, part in enumerate((scan.velocity, scan.acceleration, scan.force)):
+        table[..., 6 * k : 6 * k + 6] = part.swapaxes(0, 1)
+    return torque, table
 
 
-def placements(model: Model, q: ArrayLike) -> tuple[Array, Array]:
-    """Where the bodies of a chain are, by the rounds of motion alone.
+def placements(model: "Model | pinocchio.Model", q: ArrayLike) -> Placement:
+    """Tell where the bodies of a chain or tree are.
 
     Parameters
     ----------
     model
-        n bodies.
+        n bodies, as `rnea` takes them.
     q
         Coordinates, ``(nq,)`` or ``(T, nq)``; rad and m.
 
     Returns
     -------
-    tuple of numpy.ndarray
-        Rotation from the body's to the base frame ``(n, 3, 3)`` and position of its origin ``(n, 3)`` m, with T in
-        front if ``q`` has it.
+    Placement
+        Rotations from the bodies' to the base frame ``(n, 3, 3)`` and positions of their origins ``(n, 3)`` m, with T
+        in front if ``q`` has it.
 
     Raises
     ------
     InputError
         As for `rnea`.
     """
+    model = check_model(model)
     still = np.zeros((*np.shape(q)[:-1], model.nv))
     state = check_state(model, q, still, still, None)
-    path = motion.from_joint(joint_motion(model, state))
-    whole = motion.view(outwards(path, schedule.motion(model.parents), LocalTransport(len(model))))
-    rotation, position = (_samples_first(x, state.single) for x in (whole.rotation, whole.translation))
-    return rotation, position
+    return _place(model, state.q, state.single, np.dtype(np.float64))
 
 
-def _samples_first(values: Array, single: bool) -> Array:
-    """Results ``(n, T, …)`` as ``(T, n, …)``, or as ``(n, …)`` for a single sample."""
-    return values[:, 0] if single else values.swapaxes(0, 1)
-
-
-def _report(torque: Array, bodies: Array | None, single: bool) -> Array | InverseDynamics:
-    """Torque alone, or with the bodies' ``(T, n, 18)``."""
-    if single:
-        torque = torque[0]
-    if bodies is None:
-        return torque
-    velocity, acceleration, force = (bodies[..., k : k + 6] for k in (0, 6, 12))
-    if single:
-        velocity, acceleration, force = velocity[0], acceleration[0], force[0]
-    return InverseDynamics(velocity, acceleration, force, torque)
+def _place(model: Model, q: Array, single: bool, form: np.dtype) -> Placement:
+    whole = serial.placements(model, q)
+    return Placement(*(x.astype(form, copy=False)[0 if single else slice(None)] for x in whole))
 
 
 def _format(dtype: DTypeLike) -> np.dtype:
@@ -193,46 +202,50 @@ def _format(dtype: DTypeLike) -> np.dtype:
         form = np.dtype(dtype)
     except TypeError as error:
         raise InputError(f"dtype: got {dtype!r}, expected float64 or float32") from error
-    if form not in FORMATS:
+    if form not in NUMBER_FORMATS:
         raise InputError(f"dtype: got {form}, expected float64 or float32")
     return form
 
 
 def _targets(
-    out: Array | InverseDynamics | None, sizes: tuple[int, int], nv: int, single: bool, form: np.dtype, *, bodies: bool
+    out: Array | InverseDynamics | None, state: JointState, n: int, form: np.dtype, *, bodies: bool
 ) -> tuple[Array | None, Array | None]:
     """Where the torques go, ``(T, nv)``, and motion and force of the bodies, ``(T, n, 18)``."""
     if out is None:
         return None, None
     if not bodies:
-        return _target(out, (sizes[0], nv), single, form), None
-    rows = _rows_of(out, sizes, form) if isinstance(out, InverseDynamics) and out.torque.ndim == 2 - single else None
-    if rows is None:
+        return _torque_target(out, state, form), None
+    sizes = state.samples, n
+    table = _table_of(out, sizes, form) if isinstance(out, InverseDynamics) else None
+    if table is None or out.torque.ndim != 2 - state.single:  # type: ignore[union-attr]
         raise InputError(
-            f"out: got {type(out).__name__}, expected what an earlier call returned with bodies=True and method "
-            f"'serial' for {sizes[0]} samples in {form}"
+            f"out: got {type(out).__name__}, expected what an earlier call returned with bodies=True for "
+            f"{sizes[0]} samples in {form}"
         )
     assert isinstance(out, InverseDynamics)
-    return _target(out.torque, (sizes[0], nv), single, form), rows
+    torque = _torque_target(out.torque, state, form)
+    if np.may_share_memory(torque, table):
+        raise InputError("out: got a torque that shares memory with motion or force, expected arrays of their own")
+    return torque, table
 
 
-def _rows_of(result: InverseDynamics, sizes: tuple[int, int], form: np.dtype) -> Array | None:
+def _table_of(result: InverseDynamics, sizes: tuple[int, int], form: np.dtype) -> Array | None:
     """``(T, n, 18)`` of which a result's arrays are parts; None if they are not."""
     parts = [x if x.ndim == 3 else x[None] for x in (result.velocity, result.acceleration, result.force)]
     first, step = parts[0], form.itemsize
-    places = [part.ctypes.data - first.ctypes.data for part in parts]
+    offsets = [part.ctypes.data - first.ctypes.data for part in parts]
     alike = all(part.shape == (*sizes, 6) and part.dtype == form and part.strides == first.strides for part in parts)
-    if not alike or places != [0, 6 * step, 12 * step] or first.strides[1:] != (18 * step, step):
+    if not alike or offsets != [0, 6 * step, 12 * step] or first.strides[1:] != (18 * step, step):
         return None
     return np.lib.stride_tricks.as_strided(first, (*sizes, 18), first.strides)
 
 
-def _target(out: object, shape: tuple[int, int], single: bool, form: np.dtype) -> Array:
-    wanted = shape[1:] if single else shape
+def _torque_target(out: object, state: JointState, form: np.dtype) -> Array:
+    wanted = state.v.shape[1:] if state.single else state.v.shape
     if not isinstance(out, np.ndarray) or out.shape != wanted or out.dtype != form or not out.flags.writeable:
-        given = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
-        raise InputError(f"out: got {given}, expected a writeable array of {form} {wanted}")
-    return out[None] if single else out
+        got = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
+        raise InputError(f"out: got {got}, expected a writeable array of {form} {wanted}")
+    return out[None] if state.single else out
 
 
 def check_method(method: str) -> None:

@@ -19,3 +19,7 @@ class OutputError(OSError):
     """
 
     unsaved: str | None = None
+
+
+class RankError(RuntimeError):
+    """Something went wrong on one rank in the middle of what all do together: the message says which rank, and what."""

@@ -22,21 +22,42 @@ class JointMotion(NamedTuple):
     """``H q̈``, ``(n, T, 6)``."""
 
 
+class BaseMotion(NamedTuple):
+    """Motion of what a model hangs on, in its own frame at its own origin; ``(6,)`` or ``(T, 6)`` each."""
+
+    velocity: Array
+    """``[ω; v]``, rad/s and m/s."""
+    acceleration: Array
+    """``[ω̇; v̇]``, classical and less gravity, rad/s² and m/s²: what an accelerometer reads."""
+
+    @classmethod
+    def at_rest(cls, gravity: Array) -> "BaseMotion":
+        """Motion of a base that stands still in a field ``(3,)`` m/s², which feels like an acceleration against it."""
+        return cls(np.zeros(6), np.concatenate((np.zeros(3), -gravity)))
+
+
+def joint_transforms(model: Model, q: Array) -> tuple[Array, Array]:
+    """Place every body in its parent for coordinates ``(T, nq)``: ``(n, T, 3, 3)`` and ``(n, T, 3)`` m."""
+    n, samples = len(model), len(q)
+    rotation, translation = np.empty((n, samples, 3, 3)), np.empty((n, samples, 3))
+    for group in model.groups:
+        at = group.bodies
+        turn, shift = group.joint.transform(group.axes, q[:, group.q_columns].swapaxes(0, 1))
+        at_rest = model.rotations[at, None]
+        rotation[at] = at_rest @ turn
+        translation[at] = model.translations[at, None] + apply(at_rest, shift)
+    return rotation, translation
+
+
 def joint_motion(model: Model, state: JointState) -> JointMotion:
     """Place every body in its parent and project the joint's rates into its frame, a joint type at a time."""
     n, samples = len(model), state.samples
-    rotation, translation = np.empty((n, samples, 3, 3)), np.empty((n, samples, 3))
     velocity, acceleration = np.empty((n, samples, 6)), np.empty((n, samples, 6))
     for group in model.groups:
-        at = group.bodies
-        turn, shift = group.joint.place(group.axes, state.q[:, group.q_columns].swapaxes(0, 1))
-        placement = model.rotations[at, None]
-        rotation[at] = placement @ turn
-        translation[at] = model.translations[at, None] + apply(placement, shift)
         subspace = group.subspace[:, None]
-        velocity[at] = apply(subspace, state.v[:, group.v_columns].swapaxes(0, 1))
-        acceleration[at] = apply(subspace, state.a[:, group.v_columns].swapaxes(0, 1))
-    return JointMotion(rotation, translation, velocity, acceleration)
+        velocity[group.bodies] = apply(subspace, state.v[:, group.v_columns].swapaxes(0, 1))
+        acceleration[group.bodies] = apply(subspace, state.a[:, group.v_columns].swapaxes(0, 1))
+    return JointMotion(*joint_transforms(model, state.q), velocity, acceleration)
 
 
 def joint_torque(model: Model, force: Array) -> Array:

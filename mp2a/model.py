@@ -2,39 +2,24 @@
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mp2a.checks import array
+from mp2a.checks import array, check_rotations, read_only, symmetric_inertias, unit_axes
 from mp2a.exceptions import InputError
-from mp2a.joints import JOINTS, Joint
-from mp2a.spatial import Array, inertia_at_origin
+from mp2a.files import atomic_write
+from mp2a.joints import JOINTS, JointGroup, joint_groups
+from mp2a.spatial import GRAVITY, Array, inertia_at_origin
 
 if TYPE_CHECKING:
     import pinocchio
 
-_FORMAT = 1
-
-
-class JointGroup(NamedTuple):
-    """All bodies of one joint type, so that a type is computed in one go."""
-
-    joint: Joint
-    bodies: NDArray[np.intp]
-    """``(k,)``"""
-    q_columns: NDArray[np.intp]
-    """``(k, nq)`` columns of the chain's q."""
-    v_columns: NDArray[np.intp]
-    """``(k, nv)`` columns of the chain's v."""
-    axes: Array
-    """``(k, 3)``"""
-    subspace: Array
-    """``H``, ``(k, 6, nv)``"""
+_FORMAT = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,12 +40,15 @@ class Model:
         ``(n,)`` kg; ``(n, 3)`` m, centre of mass in the body's frame; ``(n, 3, 3)`` kg m² about the centre of mass.
     names
         ``n`` names of the joints.
+    gravity
+        ``(3,)`` m/s² in the base frame: the field that calls for this model take unless told another.
 
     Raises
     ------
     InputError
         If a field has the wrong shape, is not finite, a rotation is not one, an axis is zero, a mass is negative,
-        an inertia is not symmetric, a joint type is unknown or a parent does not come before its child.
+        an inertia is not symmetric or has a negative moment, a joint type is unknown or a parent does not come before
+        its child. (A moment larger than the other two together, which no real body has, is let through.)
     """
 
     parents: NDArray[np.intp]
@@ -72,6 +60,7 @@ class Model:
     coms: Array
     inertias: Array
     names: tuple[str, ...] = ()
+    gravity: Array = field(default_factory=lambda: np.array(GRAVITY))
 
     def __post_init__(self) -> None:
         parents = array("parents", self.parents, (None,), whole=True)
@@ -97,21 +86,22 @@ class Model:
             "masses": array("masses", self.masses, (n,)),
             "coms": array("coms", self.coms, (n, 3)),
             "inertias": array("inertias", self.inertias, (n, 3, 3)),
+            "gravity": array("gravity", self.gravity, (3,)),
         }
         axial = np.array([JOINTS[joint].axial for joint in joints])
-        arrays["axes"] = _unit_axes(arrays["axes"], axial)
-        _check_rotations(arrays["rotations"])
+        arrays["axes"] = unit_axes(arrays["axes"], axial)
+        check_rotations(arrays["rotations"])
         if (arrays["masses"] < 0).any():
             i = int(np.argmax(arrays["masses"] < 0))
             raise InputError(f"masses: got {arrays['masses'][i]} for body {i}, expected no negative mass")
-        skewness = np.abs(arrays["inertias"] - arrays["inertias"].swapaxes(1, 2)).max((1, 2))
-        skewed = skewness > 1e-9 * (1e-300 + np.abs(arrays["inertias"]).max((1, 2)))
-        if skewed.any():
-            raise InputError(f"inertias: got an unsymmetric one for body {np.argmax(skewed)}, expected a symmetric one")
-        arrays["inertias"] = (arrays["inertias"] + arrays["inertias"].swapaxes(1, 2)) / 2
+        arrays["inertias"] = symmetric_inertias(arrays["inertias"])
+        with np.errstate(over="ignore", invalid="ignore"):
+            about_origins = inertia_at_origin(arrays["masses"], arrays["coms"], arrays["inertias"])
+        if not np.isfinite(about_origins).all():
+            i = int(np.argwhere(~np.isfinite(about_origins))[0, 0])
+            raise InputError(f"coms: got {arrays['coms'][i].tolist()} for body {i}, expected a finite inertia there")
         for name, value in {"parents": parents, **arrays}.items():
-            value.flags.writeable = False
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, read_only(value))
         object.__setattr__(self, "joints", joints)
         object.__setattr__(self, "names", names)
 
@@ -126,6 +116,10 @@ class Model:
     def __hash__(self) -> int:
         return hash(self.digest())
 
+    def __reduce__(self) -> tuple[type["Model"], tuple[Any, ...]]:
+        # Through the constructor, so that copies and what is unpickled cannot be written either.
+        return type(self), tuple(getattr(self, part.name) for part in fields(self))
+
     def __repr__(self) -> str:
         kinds = ", ".join(f"{len(g.bodies)} {g.joint.name}" for g in self.groups)
         shape = "chain" if self.is_serial else "tree"
@@ -134,21 +128,21 @@ class Model:
     @cached_property
     def q_starts(self) -> NDArray[np.intp]:
         """``(n + 1,)``: body i's coordinates are ``q[q_starts[i]:q_starts[i + 1]]``."""
-        return np.concatenate(([0], np.cumsum([JOINTS[j].nq for j in self.joints]))).astype(np.intp)
+        return read_only(np.cumsum([0, *(JOINTS[joint].nq for joint in self.joints)], dtype=np.intp))
 
     @cached_property
     def v_starts(self) -> NDArray[np.intp]:
         """``(n + 1,)``: body i's velocities are ``v[v_starts[i]:v_starts[i + 1]]``."""
-        return np.concatenate(([0], np.cumsum([JOINTS[j].nv for j in self.joints]))).astype(np.intp)
+        return read_only(np.cumsum([0, *(JOINTS[joint].nv for joint in self.joints)], dtype=np.intp))
 
     @property
     def nq(self) -> int:
-        """Number of coordinates."""
+        """The number of coordinates."""
         return int(self.q_starts[-1])
 
     @property
     def nv(self) -> int:
-        """Degrees of freedom."""
+        """The number of degrees of freedom."""
         return int(self.v_starts[-1])
 
     @cached_property
@@ -159,38 +153,27 @@ class Model:
     @cached_property
     def groups(self) -> tuple[JointGroup, ...]:
         """The bodies of each joint type that occurs."""
-        kinds = np.array(self.joints)
-        groups = []
-        for joint in JOINTS.values():
-            bodies = np.flatnonzero(kinds == joint.name)
-            if bodies.size:
-                q_columns = self.q_starts[bodies, None] + np.arange(joint.nq)
-                v_columns = self.v_starts[bodies, None] + np.arange(joint.nv)
-                axes = self.axes[bodies]
-                groups.append(JointGroup(joint, bodies, q_columns, v_columns, axes, joint.subspace(axes)))
-        return tuple(groups)
+        return joint_groups(self.joints, self.axes, self.q_starts, self.v_starts)
 
     @cached_property
     def origin_inertias(self) -> Array:
-        """Rotational inertias about the bodies' origins, ``(n, 3, 3)``, kg m²."""
-        return inertia_at_origin(self.masses, self.coms, self.inertias)
+        """The rotational inertias about the bodies' origins, ``(n, 3, 3)``, kg m²."""
+        return read_only(inertia_at_origin(self.masses, self.coms, self.inertias))
 
     @cached_property
     def neutral(self) -> Array:
-        """Coordinates of zero displacement, ``(nq,)``."""
-        out = np.concatenate([JOINTS[joint].neutral for joint in self.joints])
-        out.flags.writeable = False
-        return out
+        """The coordinates of zero displacement, ``(nq,)``."""
+        return read_only(np.concatenate([JOINTS[joint].neutral for joint in self.joints]))
 
     def random_state(
         self, samples: int | None = None, seed: int = 0, body: int | None = None
     ) -> tuple[Array, Array, Array]:
-        """Random ``q``, ``v``, ``a``; velocities shrink as 1/√n, so that a long chain's tip stays within reason.
+        """Draw ``q``, ``v``, ``a``; velocities shrink as 1/√n, so that a long chain's tip stays within reason.
 
         Parameters
         ----------
         samples
-            Number of samples T; None for one without a sample axis.
+            The number of samples T; None for one without a sample axis.
         seed
             The same seed gives the same state, body for body.
         body
@@ -207,17 +190,35 @@ class Model:
         return (q, v, a) if samples is not None else (q[0], v[0], a[0])
 
     def body(self, i: int) -> "Model":
-        """Body i alone, as a chain of one: all that robot i has to know."""
+        """Return body i alone, as a chain of one: all that robot i has to know."""
         if not 0 <= i < len(self):
             raise InputError(f"i: got {i}, expected a body from 0 to {len(self) - 1}")
-        cut = slice(i, i + 1)
+        return self._part(slice(i, i + 1))
+
+    def block(self, bodies: range) -> "Model":
+        """Return consecutive bodies, of which each hangs on the one before, as a chain of their own.
+
+        Raises
+        ------
+        InputError
+            If there are none, or the model does not have them, or they are no chain.
+        """
+        start, stop = bodies.start, bodies.stop
+        if bodies.step != 1 or not 0 <= start < stop <= len(self):
+            raise InputError(f"bodies: got {bodies}, expected consecutive ones of 0 to {len(self) - 1}")
+        if (self.parents[start + 1 : stop] != np.arange(start, stop - 1)).any():
+            raise InputError(f"bodies: got {bodies}, which branch, expected each to hang on the one before")
+        return self._part(slice(start, stop))
+
+    def _part(self, part: slice) -> "Model":
         return Model(
-            np.array([-1]), self.joints[cut], self.axes[cut], self.rotations[cut], self.translations[cut],
-            self.masses[cut], self.coms[cut], self.inertias[cut], self.names[cut],
+            np.arange(part.stop - part.start) - 1, self.joints[part], self.axes[part], self.rotations[part],
+            self.translations[part], self.masses[part], self.coms[part], self.inertias[part], self.names[part],
+            self.gravity,
         )  # fmt: skip
 
     def digest(self) -> str:
-        """Fingerprint of all fields: equal for equal chains, on every machine."""
+        """Return a fingerprint of all fields: equal for equal models, on every machine."""
         sha = hashlib.sha256()
         for value in self._arrays().values():
             sha.update(f"{value.dtype.str}{value.shape}".encode() + value.tobytes())
@@ -226,32 +227,38 @@ class Model:
     # ---- save and load -----------------------------------------------------------------------------------------
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
-        out = {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
+        out = {part.name: np.asarray(getattr(self, part.name)) for part in fields(self)}
         out["parents"] = out["parents"].astype("<i8")
         return out
 
     def save(self, path: str | Path) -> None:
-        """Write the chain to an ``.npz`` file."""
-        with Path(path).open("wb") as file:
+        """Write the model to an ``.npz`` file, whole or not at all.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+        """
+        with atomic_write(path) as new, new.open("wb") as file:
             np.savez_compressed(file, format=np.array(_FORMAT), **self._arrays())  # type: ignore[arg-type]
 
     @classmethod
     def load(cls, path: str | Path) -> "Model":
-        """Read a chain that `save` wrote; nothing in the file is executed.
+        """Read a model that `save` wrote; nothing in the file is executed.
 
         Raises
         ------
         InputError
-            If the file cannot be read or holds no chain.
+            If the file cannot be read or holds no model.
         """
         try:
             with np.load(path, allow_pickle=False) as file:
                 data = {key: file[key] for key in file.files}
         except Exception as error:  # zipfile, zlib and numpy raise a dozen kinds on a damaged file
-            raise InputError(f"path: {path} cannot be read as a chain ({error})") from error
-        expected = {"format", *(field.name for field in fields(cls))}
+            raise InputError(f"path: {path} cannot be read as a model ({error})") from error
+        expected = {"format", *(part.name for part in fields(cls))}
         if set(data) != expected or data.pop("format").tolist() != _FORMAT:
-            raise InputError(f"path: {path} holds {sorted(data)}, expected a chain of format {_FORMAT}")
+            raise InputError(f"path: {path} holds {sorted(data)}, expected a model of format {_FORMAT}")
         data["joints"], data["names"] = (tuple(str(word) for word in data[key].flat) for key in ("joints", "names"))
         return cls(**data)
 
@@ -267,18 +274,18 @@ class Model:
         mass: float = 1.0,
         inertia: ArrayLike | None = None,
     ) -> "Model":
-        """N equal bodies, each ``offset`` (m) from the last, with the centre of mass half way along.
+        """Make n equal bodies, each ``offset`` (m) from the last, with the centre of mass half way along.
 
         Parameters
         ----------
         n
-            Number of bodies.
+            The number of bodies.
         joint, axis
-            Type and axis of every joint.
+            The type and axis of every joint.
         offset
-            Place of body i + 1 in body i, ``(3,)``.
+            The position of body i + 1 in body i, ``(3,)`` m.
         mass
-            Of each body, kg.
+            The mass of each body, kg.
         inertia
             ``(3, 3)`` kg m² about the centre of mass; None: a slender rod along ``offset``, thickened a little.
         """
@@ -288,16 +295,16 @@ class Model:
 
     @classmethod
     def random(cls, n: int, seed: int = 0, joints: Sequence[str] = ("revolute",), branching: int = 1) -> "Model":
-        """N different bodies at random placements, with joint types drawn from ``joints``.
+        """Make n different bodies at random placements, with joint types drawn from ``joints``.
 
         Parameters
         ----------
         n
-            Number of bodies.
+            The number of bodies.
         seed
-            The same seed gives the same chain.
+            The same seed gives the same model.
         joints
-            Types to draw from; ``tuple(JOINTS)`` for all.
+            The types to draw from; ``tuple(mp2a.JOINTS)`` for all.
         branching
             A body hangs on one of the ``branching`` bodies before it: 1 gives a chain, more a tree.
         """
@@ -316,7 +323,7 @@ class Model:
         coms: ArrayLike | None = None,
         inertias: ArrayLike | None = None,
     ) -> "Model":
-        """Model of Denavit-Hartenberg rows ``(a, alpha, d, theta)`` in m and rad, one a body.
+        """Make the model of Denavit-Hartenberg rows ``(a, alpha, d, theta)`` in m and rad, one a body.
 
         Parameters
         ----------
@@ -335,50 +342,41 @@ class Model:
         return cls(**read_dh(rows, joints, convention, masses, coms, inertias))
 
     @classmethod
-    def from_urdf(cls, path: str | Path) -> "Model":
+    def from_urdf(cls, path: str | Path, root: str = "fixed") -> "Model":
         """Read the chain or tree of a URDF file, fixed joints merged, coordinates in pinocchio's order.
+
+        Parameters
+        ----------
+        path
+            The file. Its collision and visual shapes, limits, damping, transmissions and mimicked joints do not count.
+        root
+            How the root link stands in the world: "fixed", which leaves its mass out, or by a first joint
+            ``root_joint`` of type "free" (a free-flyer), "planar" or "spherical".
 
         Raises
         ------
         InputError
-            If the file cannot be read or has a joint type mp2a does not know.
+            If the file cannot be read, a number in it is missing or no number, or a joint type is unknown.
         """
         from mp2a.readers.urdf import read_urdf
 
-        return cls(**read_urdf(path))
+        return cls(**read_urdf(path, root))
 
     @classmethod
     def from_pinocchio(cls, model: "pinocchio.Model") -> "Model":
-        """Model of a `pinocchio.Model`, with its joint order and coordinates; its gravity stays behind.
+        """Convert a `pinocchio.Model`, with its joint order, coordinates and gravity.
 
         Raises
         ------
         InputError
-            If the model has a joint type mp2a does not know, or no joint at all.
+            If the model has a joint type mp2a does not know, an armature, or no joint at all.
         """
         from mp2a.readers.pinocchio_model import from_model
 
         return cls(**from_model(model))
 
     def to_pinocchio(self) -> "pinocchio.Model":
-        """`pinocchio.Model` of this chain, with the same joint order, coordinates and frames."""
+        """Make a `pinocchio.Model` of this one, with the same joint order, coordinates, frames and gravity."""
         from mp2a.readers.pinocchio_model import to_model
 
         return to_model(self._arrays())
-
-
-def _unit_axes(axes: Array, axial: NDArray[np.bool_]) -> Array:
-    lengths = np.linalg.norm(axes, axis=1)
-    if (axial & (lengths == 0)).any():
-        raise InputError(f"axes: got a zero axis for body {np.argmax(axial & (lengths == 0))}, expected a direction")
-    # An axis that is of unit length to rounding stays as it is, so that a chain survives save, load and conversion.
-    exact = np.abs(lengths - 1) < 1e-15
-    return np.where(axial[:, None], axes / np.where(exact | (lengths == 0), 1.0, lengths)[:, None], 0.0)
-
-
-def _check_rotations(rotations: Array) -> None:
-    gram = rotations @ rotations.swapaxes(1, 2) - np.eye(3)
-    error = np.maximum(np.abs(gram).max((1, 2)), np.abs(np.linalg.det(rotations) - 1))
-    if (error > 1e-9).any():
-        i = int(np.argmax(error))
-        raise InputError(f"rotations: got a matrix {error[i]:.1e} away from one for body {i}, expected a rotation")

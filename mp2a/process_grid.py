@@ -5,9 +5,10 @@ from types import TracebackType
 import numpy as np
 
 from mp2a.checks import count
+from mp2a.distributed_setup import duplicate
 from mp2a.exceptions import InputError
 from mp2a.mpi import MPI
-from mp2a.transport.mpi import raise_together
+from mp2a.transport.agreement import shared_errors
 
 _LANES = 8
 """Samples that a core works on at once: with fewer, splitting them further gains nothing."""
@@ -58,28 +59,26 @@ class ProcessGrid:
     """
 
     def __init__(self, comm: MPI.Intracomm, chain_ranks: int | None = None, *, samples: int) -> None:
-        if not isinstance(comm, MPI.Intracomm) or comm == MPI.COMM_NULL:
-            raise InputError(f"comm: got {type(comm).__name__}, expected an mpi4py intra-communicator")
         self.chain_comm = MPI.COMM_NULL
-        error: InputError | None = None
-        ranks, along = comm.Get_size(), 0
+        comm = duplicate(comm)
         try:
-            count("samples", samples)
-            along = ranks_per_chain(ranks, samples) if chain_ranks is None else count("chain_ranks", chain_ranks)
-            if ranks % along:
-                raise InputError(f"chain_ranks: got {along} for {ranks} ranks, expected a divisor of that number")
-            if samples < ranks // along:
-                raise InputError(f"samples: got {samples} for {ranks // along} rows, expected at least one a row")
-        except InputError as wrong:
-            error = wrong
-        raise_together(comm, error)
-        asked = np.array([along, samples, -along, -samples])
-        comm.Allreduce(MPI.IN_PLACE, asked, MPI.MAX)
-        if (asked[:2] != -asked[2:]).any():
-            raise InputError("chain_ranks, samples: differ between ranks, expected the same on every rank")
-        self.rows, self.row = ranks // along, comm.Get_rank() // along
-        self.local_slice = slice(samples * self.row // self.rows, samples * (self.row + 1) // self.rows)
-        self.chain_comm = comm.Split(self.row, comm.Get_rank())
+            ranks, share = comm.Get_size(), 0
+            with shared_errors(comm):
+                count("samples", samples)
+                share = ranks_per_chain(ranks, samples) if chain_ranks is None else count("chain_ranks", chain_ranks)
+                if ranks % share:
+                    raise InputError(f"chain_ranks: got {share} for {ranks} ranks, expected a divisor of that number")
+                if samples < ranks // share:
+                    raise InputError(f"samples: got {samples} for {ranks // share} rows, expected at least one a row")
+            largest = np.array([share, samples, -share, -samples])
+            comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+            if (largest[:2] != -largest[2:]).any():
+                raise InputError("chain_ranks, samples: differ between ranks, expected the same on every rank")
+            self.rows, self.row = ranks // share, comm.Get_rank() // share
+            self.local_slice = slice(samples * self.row // self.rows, samples * (self.row + 1) // self.rows)
+            self.chain_comm = comm.Split(self.row, comm.Get_rank())
+        finally:
+            comm.Free()
 
     def close(self) -> None:
         """Free the row's communicator; collective. Closing twice does nothing."""

@@ -5,9 +5,9 @@ from numpy.typing import ArrayLike
 
 from mp2a.cores import available_memory
 from mp2a.exceptions import DependencyError
-from mp2a.methods.result import InverseDynamics
 from mp2a.model import Model
-from mp2a.spatial import GRAVITY, Array, spatial_to_classical, to_linear_first
+from mp2a.results import InverseDynamics, Placement
+from mp2a.spatial import Array, spatial_to_classical, to_linear_first
 from mp2a.validation import check_gravity, check_state
 
 _TENSORS = 4
@@ -15,14 +15,19 @@ _TENSORS = 4
 
 
 class Reference:
-    """A chain in pinocchio, its memory checked before it is taken. Build it in one rank only.
+    """A model in pinocchio, its memory checked before it is taken. Build it in one rank only.
+
+    Parameters
+    ----------
+    model
+        n bodies.
 
     Attributes
     ----------
     model
-        The chain.
+        The model.
     pin_model, data
-        pinocchio's, in its own conventions.
+        pinocchio's model and its memory, in its own conventions.
 
     Raises
     ------
@@ -40,7 +45,7 @@ class Reference:
         self.data: pinocchio.Data = pinocchio.Data(self.pin_model)
 
     def torque(self, q: Array, v: Array, a: Array) -> Array:
-        """Torques ``(T, nv)`` alone, unchecked, as fast as pinocchio's Python loop goes; q, v, a are ``(T, …)``."""
+        """Return torques ``(T, nv)`` alone for unchecked ``(T, …)``, as fast as pinocchio's Python loop goes."""
         import pinocchio
 
         rnea, pin_model, data = pinocchio.rnea, self.pin_model, self.data
@@ -52,16 +57,17 @@ class Reference:
         v: ArrayLike,
         a: ArrayLike,
         external_forces: ArrayLike | None = None,
-        gravity: ArrayLike = GRAVITY,
+        gravity: ArrayLike | None = None,
     ) -> InverseDynamics:
-        """As `mp2a.rnea` with ``bodies=True``, by pinocchio, a sample at a time."""
+        """Do what `mp2a.rnea` does with ``bodies=True``, by pinocchio, a sample at a time."""
         import pinocchio
 
         state = check_state(self.model, q, v, a, external_forces)
-        self.pin_model.gravity.linear = check_gravity(gravity)
+        self.pin_model.gravity.linear = check_gravity(self.model, gravity)
         n, samples = len(self.model), state.samples
         shape = (samples, n, 6)
         velocity, acceleration, force = np.empty(shape), np.empty(shape), np.empty(shape)
+        placement = Placement(np.empty((samples, n, 3, 3)), np.empty((samples, n, 3)))
         torque = np.empty((samples, self.model.nv))
         for t in range(samples):
             arguments = (self.pin_model, self.data, state.q[t], state.v[t], state.a[t])
@@ -71,14 +77,18 @@ class Reference:
                 torque[t] = pinocchio.rnea(*arguments, forces)
             else:
                 torque[t] = pinocchio.rnea(*arguments)
+            pinocchio.updateGlobalPlacements(self.pin_model, self.data)
             for i in range(n):
+                placement.rotation[t, i] = self.data.oMi[i + 1].rotation
+                placement.translation[t, i] = self.data.oMi[i + 1].translation
                 velocity[t, i] = self.data.v[i + 1].vector
                 acceleration[t, i] = self.data.a_gf[i + 1].vector
                 force[t, i] = self.data.f[i + 1].vector
         velocity, acceleration, force = (to_linear_first(x) for x in (velocity, acceleration, force))
         acceleration = spatial_to_classical(acceleration, velocity)
         cut = 0 if state.single else slice(None)
-        return InverseDynamics(velocity[cut], acceleration[cut], force[cut], torque[cut])
+        placement = Placement(*(x[cut] for x in placement))
+        return InverseDynamics(velocity[cut], acceleration[cut], force[cut], torque[cut], placement)
 
 
 def need_memory(nv: int, copies: int = 1) -> None:
@@ -106,5 +116,5 @@ def need_memory(nv: int, copies: int = 1) -> None:
 
 
 def data_bytes(nv: int) -> int:
-    """Memory that `pinocchio.Data` takes for nv degrees of freedom, in bytes, to some per cent."""
+    """Return the memory that `pinocchio.Data` takes for nv degrees of freedom, in bytes, to some per cent."""
     return 8 * _TENSORS * nv**3

@@ -1,6 +1,6 @@
 """Who sends what to whom in which round: plain data, no numbers, no MPI (paper, figures 4-6 and Table I)."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -150,7 +150,7 @@ def motion(formation: Formation) -> Schedule:
     return Schedule(schedule.nodes, schedule.recurrence("motion"))
 
 
-def neighbours(formation: Formation) -> Schedule:
+def parent_to_child(formation: Formation) -> Schedule:
     """One round: every body to those that hang on it.
 
     Parameters
@@ -159,7 +159,28 @@ def neighbours(formation: Formation) -> Schedule:
         As for `sweep`.
     """
     parents = _parents(formation)
-    return Schedule(len(parents), tuple(_numbered("neighbours", [(_outwards(parents),)])))
+    return Schedule(len(parents), tuple(_numbered("parent to child", [(_outwards(parents),)])))
+
+
+def broadcast(formation: Formation) -> Schedule:
+    """One doubling outwards in which every body but the first of a chain gets one message, with what the first one has.
+
+    In round e those that have it, fewer than 2^(e-1) bodies from the base, hand it to their 2^(e-1)-th descendants.
+
+    Parameters
+    ----------
+    formation
+        As for `sweep`.
+    """
+    parents = _parents(formation)
+    ups = ancestors(parents)
+    missing = parents >= 0
+    rounds = []
+    for up in ups:
+        reached = np.flatnonzero(missing & (up >= 0) & ~missing[up])
+        rounds.append((Transfer(MOTION, up[reached], reached),))
+        missing[reached] = False
+    return Schedule(len(parents), tuple(_numbered("broadcast", rounds)))
 
 
 def pipeline(formation: Formation) -> Schedule:
@@ -223,12 +244,3 @@ def _mirrored(n: int, transfers: tuple[Transfer, ...]) -> tuple[Transfer, ...]:
 
 def _transfer(kind: str, source: list[int], target: list[int]) -> Transfer:
     return Transfer(kind, np.array(source), np.array(target))
-
-
-SCHEDULES: dict[str, Callable[[Formation], Schedule]] = {
-    "kogge-stone": kogge_stone,
-    "compact": compact,
-    "sweep": sweep,
-    "pipeline": pipeline,
-}
-"""Every schedule by the name of the method that follows it."""

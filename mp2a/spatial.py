@@ -5,8 +5,26 @@ A spatial vector is ``[angular; linear]`` as in the paper: velocity :math:`V = [
 (``(..., 3)``) is the body's origin seen from the parent's origin, in the parent's frame.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
+
+__all__ = [
+    "GRAVITY",
+    "body_force",
+    "classical_to_spatial",
+    "force_at_origin",
+    "force_to_child",
+    "force_to_parent",
+    "inertia_at_origin",
+    "motion_operator",
+    "motion_to_child",
+    "skew",
+    "spatial_to_classical",
+    "to_linear_first",
+    "velocity_product",
+]
 
 Array = NDArray[np.float64]
 
@@ -14,8 +32,22 @@ GRAVITY = (0.0, 0.0, -9.81)
 """Standard gravity field in the base frame, m/s², as pinocchio's default."""
 
 
+def quaternion_matrix(x: Any, y: Any, z: Any, w: Any) -> tuple[Any, ...]:
+    """Return the nine numbers, row by row, of the rotation of a unit quaternion, as Eigen's ``toRotationMatrix``.
+
+    They are sums and products of anything that can be added and multiplied: numbers, arrays of them, or the symbols of
+    `mp2a.kernels`.
+    """
+    tx, ty, tz = x + x, y + y, z + z
+    return (
+        1.0 - (ty * y + tz * z), tx * y - tz * w, tx * z + ty * w,
+        tx * y + tz * w, 1.0 - (tx * x + tz * z), ty * z - tx * w,
+        tx * z - ty * w, ty * z + tx * w, 1.0 - (tx * x + ty * y),
+    )  # fmt: skip
+
+
 def cross(a: Array, b: Array) -> Array:
-    """Cross product of ``(..., 3)`` arrays (several times faster than `numpy.cross` on small batches)."""
+    """Return the cross product of ``(..., 3)`` arrays (several times faster than `numpy.cross` on small batches)."""
     out = np.empty(np.broadcast_shapes(a.shape, b.shape))
     out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
     out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
@@ -24,7 +56,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def skew(p: Array) -> Array:
-    """Matrix ``p~`` of the cross product, ``skew(p) @ x == cross(p, x)``; ``(..., 3)`` to ``(..., 3, 3)``."""
+    """Return the matrix ``(..., 3, 3)`` of the cross product with ``(..., 3)``: ``skew(p) @ x == cross(p, x)``."""
     out = np.zeros((*p.shape, 3))
     out[..., 2, 1], out[..., 0, 2], out[..., 1, 0] = p[..., 0], p[..., 1], p[..., 2]
     out[..., 1, 2], out[..., 2, 0], out[..., 0, 1] = -p[..., 0], -p[..., 1], -p[..., 2]
@@ -32,18 +64,18 @@ def skew(p: Array) -> Array:
 
 
 def apply(matrix: Array, vector: Array) -> Array:
-    """Matrix times vector over the leading axes: ``(..., i, j)`` and ``(..., j)`` to ``(..., i)``."""
+    """Multiply matrices by vectors over the leading axes: ``(..., i, j)`` and ``(..., j)`` to ``(..., i)``."""
     out: Array = np.matmul(matrix, vector[..., None])[..., 0]
     return out
 
 
 def transpose(matrix: Array) -> Array:
-    """Transpose of the last two axes, as a view."""
+    """Transpose the last two axes, as a view."""
     return np.swapaxes(matrix, -1, -2)
 
 
 def motion_operator(r: Array, p: Array) -> Array:
-    """Operator ``Pᵀ Rᵀ`` that takes the parent's motion to the body's frame and origin (paper, eq. 4).
+    """Return the operator ``Pᵀ Rᵀ`` that takes the parent's motion to the body's frame and origin (paper, eq. 4).
 
     Parameters
     ----------
@@ -65,20 +97,20 @@ def motion_operator(r: Array, p: Array) -> Array:
 
 
 def motion_to_child(r: Array, p: Array, motion: Array) -> Array:
-    """``Pᵀ Rᵀ`` applied to a ``(..., 6)`` motion without forming the operator."""
+    """Apply ``Pᵀ Rᵀ`` to a ``(..., 6)`` motion without forming the operator."""
     rt = transpose(r)
     angular, linear = motion[..., :3], motion[..., 3:]
     return np.concatenate((apply(rt, angular), apply(rt, linear + cross(angular, p))), axis=-1)
 
 
 def force_to_parent(r: Array, p: Array, force: Array) -> Array:
-    """``R P`` applied to a ``(..., 6)`` force: from the body's frame and origin to its parent's."""
+    """Apply ``R P`` to a ``(..., 6)`` force: take it from the body's frame and origin to its parent's."""
     linear = apply(r, force[..., 3:])
     return np.concatenate((apply(r, force[..., :3]) + cross(p, linear), linear), axis=-1)
 
 
 def force_to_child(r: Array, p: Array, force: Array) -> Array:
-    """Inverse of `force_to_parent`."""
+    """Undo `force_to_parent`."""
     rt = transpose(r)
     angular, linear = force[..., :3], force[..., 3:]
     return np.concatenate((apply(rt, angular - cross(p, linear)), apply(rt, linear)), axis=-1)
@@ -93,7 +125,7 @@ def force_at_origin(com: Array, force: Array) -> Array:
     Parameters
     ----------
     com
-        Centre of mass in the body's frame, ``(..., 3)``, m.
+        The centre of mass in the body's frame, ``(..., 3)``, m.
     force
         ``[torque; force]`` about the centre of mass, body frame, ``(..., 6)``, N m and N.
     """
@@ -102,7 +134,7 @@ def force_at_origin(com: Array, force: Array) -> Array:
 
 
 def inertia_at_origin(mass: Array, com: Array, inertia: Array) -> Array:
-    r"""Rotational inertia about the body's origin, :math:`J + m (s^T s\,1 - s s^T)`.
+    r"""Return the rotational inertia about the body's origin, :math:`J + m (s^T s\,1 - s s^T)`.
 
     Parameters
     ----------
@@ -115,7 +147,7 @@ def inertia_at_origin(mass: Array, com: Array, inertia: Array) -> Array:
 
 
 def body_force(mass: Array, com: Array, inertia: Array, velocity: Array, acceleration: Array) -> Array:
-    r"""Force that moves a body, :math:`M \dot V + [\dot M - \dot{\hat S} M] V` (paper, eq. 6).
+    r"""Return the force that moves a body, :math:`M \dot V + [\dot M - \dot{\hat S} M] V` (paper, eq. 6).
 
     Parameters
     ----------
@@ -139,7 +171,7 @@ def body_force(mass: Array, com: Array, inertia: Array, velocity: Array, acceler
 
 
 def velocity_product(p: Array, r: Array, parent_velocity: Array, relative: Array, velocity: Array) -> Array:
-    r"""Coriolis and centrifugal terms :math:`\dot P^T R^T V_{i-1} + \dot H_i \dot q_i` (paper, eq. 5).
+    r"""Return the Coriolis and centrifugal terms :math:`\dot P^T R^T V_{i-1} + \dot H_i \dot q_i` (paper, eq. 5).
 
     Parameters
     ----------
@@ -165,7 +197,7 @@ def to_linear_first(vector: Array) -> Array:
 
 
 def classical_to_spatial(acceleration: Array, velocity: Array) -> Array:
-    r"""Spatial acceleration (pinocchio's ``data.a``) of a classical one: :math:`a - \omega \times v` below.
+    r"""Return the spatial acceleration (pinocchio's ``data.a``) of a classical one: :math:`a - \omega \times v` below.
 
     Both ``(..., 6)``, ``[angular; linear]``, in the body's frame.
     """
@@ -175,7 +207,7 @@ def classical_to_spatial(acceleration: Array, velocity: Array) -> Array:
 
 
 def spatial_to_classical(acceleration: Array, velocity: Array) -> Array:
-    """Inverse of `classical_to_spatial`."""
+    """Undo `classical_to_spatial`."""
     out = acceleration.copy()
     out[..., 3:] += cross(velocity[..., :3], velocity[..., 3:])
     return out

@@ -1,6 +1,7 @@
 """Checked input of a dynamics call: shapes, finite numbers, unit quaternions, gravity."""
 
-from typing import NamedTuple
+import weakref
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -8,11 +9,12 @@ from numpy.typing import ArrayLike
 from mp2a.checks import array, numbers
 from mp2a.exceptions import InputError
 from mp2a.model import Model
-from mp2a.spatial import GRAVITY, Array
+from mp2a.spatial import Array
+
+if TYPE_CHECKING:
+    import pinocchio
 
 _UNIT_TOLERANCE = 1e-6
-_EARTH = np.array(GRAVITY)
-_EARTH.flags.writeable = False
 
 
 class JointState(NamedTuple):
@@ -31,7 +33,7 @@ class JointState(NamedTuple):
 
     @property
     def samples(self) -> int:
-        """Number of samples T."""
+        """The number of samples T."""
         return len(self.q)
 
 
@@ -57,13 +59,13 @@ def check_shapes(model: Model, q: ArrayLike, v: ArrayLike, a: ArrayLike, externa
         Naming the argument, what was given and what was expected.
     """
     arrays = {"q": numbers("q", q), "v": numbers("v", v), "a": numbers("a", a)}
-    for (name, given), width in zip(arrays.items(), (model.nq, model.nv, model.nv), strict=True):
-        if given.ndim not in (1, 2) or given.shape[-1] != width:
-            raise InputError(f"{name}: got shape {given.shape}, expected ({width},) or (T, {width})")
+    for (name, values), width in zip(arrays.items(), (model.nq, model.nv, model.nv), strict=True):
+        if values.ndim not in (1, 2) or values.shape[-1] != width:
+            raise InputError(f"{name}: got shape {values.shape}, expected ({width},) or (T, {width})")
     if not arrays["q"].shape[:-1] == arrays["v"].shape[:-1] == arrays["a"].shape[:-1]:
         shapes = {name: array.shape[:-1] for name, array in arrays.items()}
-        told = ", ".join(f"{name} has {shape[0] if shape else 'no'} samples" for name, shape in shapes.items())
-        raise InputError(f"q, v, a: got different numbers of samples ({told}), expected the same for all")
+        counts = ", ".join(f"{name} has {shape[0] if shape else 'no'} samples" for name, shape in shapes.items())
+        raise InputError(f"q, v, a: got different numbers of samples ({counts}), expected the same for all")
     single = arrays["q"].ndim == 1
     samples = 1 if single else len(arrays["q"])
     if samples == 0:
@@ -91,9 +93,45 @@ def check_values(model: Model, state: JointState) -> None:
         )
 
 
-def check_gravity(gravity: ArrayLike) -> Array:
-    """Check the gravity field, ``(3,)`` m/s² in the base frame."""
-    return _EARTH if gravity is GRAVITY else array("gravity", gravity, (3,))
+def check_model(model: "Model | pinocchio.Model") -> Model:
+    """Return a model as it is, and one of pinocchio's converted.
+
+    Raises
+    ------
+    InputError
+        If it is neither, or has what mp2a does not know.
+    """
+    if isinstance(model, Model):
+        return model
+    if type(model).__module__.partition(".")[0] == "pinocchio" and type(model).__name__ == "Model":
+        return _converted(model)
+    raise InputError(f"model: got {type(model).__name__}, expected an mp2a.Model or a pinocchio.Model")
+
+
+class _Conversion(NamedTuple):
+    original: "weakref.ref[pinocchio.Model]"
+    copy: "pinocchio.Model"
+    """What the original was like; a comparison with it takes some microseconds."""
+    model: Model
+
+
+_CONVERSIONS: dict[int, _Conversion] = {}
+
+
+def _converted(original: "pinocchio.Model") -> Model:
+    """Convert a model of pinocchio's, once as long as it lives and does not change."""
+    key = id(original)
+    kept = _CONVERSIONS.get(key)
+    if kept is None or kept.original() is not original or kept.copy != original:
+        alive = weakref.ref(original, lambda _: _CONVERSIONS.pop(key, None))
+        kept = _Conversion(alive, type(original)(original), Model.from_pinocchio(original))
+        _CONVERSIONS[key] = kept
+    return kept.model
+
+
+def check_gravity(model: Model, gravity: ArrayLike | None) -> Array:
+    """Check the gravity field, ``(3,)`` m/s² in the base frame; None is the model's own."""
+    return model.gravity if gravity is None else array("gravity", gravity, (3,))
 
 
 def _check_finite(model: Model, columns: dict[str, Array]) -> None:

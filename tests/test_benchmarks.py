@@ -19,7 +19,7 @@ from mp2a.methods import METHODS
 RECURRENCES = ("velocity", "acceleration", "motion", "force", "sweep")
 SCRIPTS = Path(__file__).parents[1] / "benchmarks"
 
-pytestmark = pytest.mark.skipif(not kernels.load().compiled, reason="no compiled kernels here")
+pytestmark = pytest.mark.skipif(not kernels.status().compiled, reason="no compiled kernels here")
 
 
 @pytest.fixture

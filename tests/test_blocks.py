@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from mp2a import Model, kernels
 from mp2a.algebra import motion
+from mp2a.joint_kinematics import BaseMotion
 from mp2a.methods import block
-from mp2a.recursion import by_numpy, recursion, segment, segment_by_numpy
+from mp2a.serial import reduce_block, reduce_block_numpy, rnea, rnea_numpy
 from mp2a.spatial import classical_to_spatial, spatial_to_classical
 from mp2a.validation import check_state
 
@@ -24,42 +25,32 @@ def block_of(m, samples, seed):
     model = Model.random(m, seed, ALL_JOINTS)
     forces, _ = random_load(model, samples, seed)
     state = check_state(model, *model.random_state(samples, seed), forces)
-    return model, state, np.random.default_rng(seed).normal(size=(samples, 12))
-
-
-def velocity_and_acceleration(base):
-    """Velocity and classical acceleration ``(T, 6)`` of a base."""
-    return base[:, [0, 1, 2, 9, 10, 11]], base[:, 3:9]
+    return model, state, BaseMotion(*np.random.default_rng(seed).normal(size=(2, samples, 6)))
 
 
 @given(sizes, samples, seeds)
 def test_a_block_presses_on_its_base_as_its_load_does(m, samples, seed):
     model, state, base = block_of(m, samples, seed)
-    for reduce, solve in ((segment_by_numpy, by_numpy), (partial(segment, loaded=True), recursion)):
-        velocity, acceleration = velocity_and_acceleration(base)
-        together = kernels.force(reduce(model, state)[1], velocity, classical_to_spatial(acceleration, velocity))
-        assert relative_error(together, solve(model, state, base).root.T) < 1e-12
+    spatial = classical_to_spatial(base.acceleration, base.velocity)
+    for reduce, solve in ((reduce_block_numpy, rnea_numpy), (partial(reduce_block, loaded=True), rnea)):
+        together = kernels.force(reduce(model, state)[1], base.velocity, spatial)
+        assert relative_error(together, solve(model, state, base).base_force) < 1e-12
 
 
 @given(sizes, samples, seeds)
-def test_the_tail_is_at_the_end_of_the_path_to_it(m, samples, seed):
+def test_the_block_end_is_at_the_end_of_the_path_to_it(m, samples, seed):
     model, state, base = block_of(m, samples, seed)
-    velocity, acceleration = velocity_and_acceleration(base)
     start = np.zeros((samples, 24))
     start[:, [0, 4, 8]] = 1.0  # a path of no length, from something that stands still
-    start[:, 12:18], start[:, 18:] = velocity, classical_to_spatial(acceleration, velocity)
+    start[:, 12:18], start[:, 18:] = base.velocity, classical_to_spatial(base.acceleration, base.velocity)
     for reduce, solve in (
-        (segment_by_numpy, by_numpy),
-        (partial(segment, loaded=False), partial(recursion, bodies=True)),
+        (reduce_block_numpy, rnea_numpy),
+        (partial(reduce_block, loaded=False), partial(rnea, bodies=True)),
     ):
         end = motion.compose(start, reduce(model, state)[0])
-        last = (
-            (solve(model, state, base, bodies=True) if solve is recursion else solve(model, state, base))
-            .bodies[:, -1]
-            .T
-        )
-        assert relative_error(end[:, 12:18], last[:6].T) < 1e-12
-        assert relative_error(spatial_to_classical(end[:, 18:], end[:, 12:18]), last[6:12].T) < 1e-12
+        last = solve(model, state, base).bodies[:, -1]
+        assert relative_error(end[:, 12:18], last[:, :6]) < 1e-12
+        assert relative_error(spatial_to_classical(end[:, 18:], end[:, 12:18]), last[:, 6:12]) < 1e-12
 
 
 @given(m=st.integers(2, 9), samples=samples, seed=seeds, data=st.data())
@@ -67,19 +58,19 @@ def test_two_blocks_are_one(m, samples, seed, data):
     """Wherever a chain is cut, inside and outside together give what the whole gives."""
     model, state, base = block_of(m, samples, seed)
     at = data.draw(st.integers(1, m - 1))
-    whole = recursion(model, state, base, bodies=True)
-    parts = [(block.cut(model, cut), block.part(model, state, cut)) for cut in (range(at), range(at, m))]
-    tail = whole.bodies[:, at - 1].T
-    outer = recursion(*parts[1], np.concatenate((tail[:3], tail[6:12], tail[3:6])).T, bodies=True)
-    inner = recursion(*parts[0], base, -outer.root.T, bodies=True)
+    whole = rnea(model, state, base, bodies=True)
+    parts = [(model.block(cut), block.part(model, state, cut)) for cut in (range(at), range(at, m))]
+    end = whole.bodies[:, at - 1]
+    outer = rnea(*parts[1], BaseMotion(end[:, :6], end[:, 6:12]), bodies=True)
+    inner = rnea(*parts[0], base, -outer.base_force, bodies=True)
     assert relative_error(np.concatenate((inner.bodies, outer.bodies), axis=1), whole.bodies) < 1e-12
     assert relative_error(np.concatenate((inner.torque, outer.torque), axis=1), whole.torque) < 1e-12
-    assert relative_error(inner.root, whole.root) < 1e-12
+    assert relative_error(inner.base_force, whole.base_force) < 1e-12
 
 
 @given(st.integers(1, 200), st.integers(1, 50))
 def test_shares_are_even(bodies, ranks):
-    counts = block.share(bodies, ranks)
+    counts = block.even_counts(bodies, ranks)
     assert (len(counts), sum(counts)) == (ranks, bodies)
     assert max(counts) - min(counts) <= 1
     assert list(counts) == sorted(counts, reverse=True)
@@ -89,7 +80,7 @@ def test_shares_are_even(bodies, ranks):
 def test_parts_of_a_chain_are_the_chain(n, data):
     model = Model.random(n, 3, ALL_JOINTS)
     at = data.draw(st.integers(0, n))
-    parts = [block.cut(model, bodies) for bodies in (range(at), range(at, n)) if len(bodies)]
+    parts = [model.block(bodies) for bodies in (range(at), range(at, n)) if len(bodies)]
     assert all(part.is_serial for part in parts)
     for field in ("axes", "rotations", "translations", "masses", "coms", "inertias"):
         assert np.array_equal(np.concatenate([getattr(part, field) for part in parts]), getattr(model, field))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mp2a import InputError, launch
+from mp2a import InputError, OutputError, launch
 from mp2a.formation.record import load, save
 from mp2a.simulator import EventKind, load_recording
 
@@ -102,7 +102,8 @@ def test_robots_that_touch_and_do_not_arrive_are_named_and_the_status_says_so(tm
     assert met
     for event in met:
         other = "a wall or an obstacle" if event.other is None else recording.roles[event.other]
-        said = next(line for line in done.stdout.splitlines() if line.startswith(f"{recording.roles[event.robot]} "))
+        role = recording.roles[event.robot]
+        said = next(x for x in done.stdout.splitlines() if x.startswith(f"{role} ") and "from its place" in x)
         assert other in said.partition("touched ")[2]
     assert "did not arrive" in done.stdout
 
@@ -228,16 +229,19 @@ def test_a_mistake_ends_all_ranks(tmp_path, arguments, message):
 
 
 def test_a_file_that_holds_no_march_is_refused(tmp_path):
-    for name, text in (("a.json", "[1]"), ("b.npz", "x"), ("c.json", '{"format": 9, "about": {}}')):
+    for name, text in (("a.json", "[1]"), ("b.npz", "x")):
         (tmp_path / name).write_text(text)
         with pytest.raises(InputError, match="cannot be read as a march"):
             load(tmp_path / name)
     with pytest.raises(InputError, match="cannot be read"):
-        load(tmp_path / "nothing.json")
+        load(tmp_path / "nothing.npz")
     mp2a("--n", 1, "--path", "0,0 1,0", "--out", tmp_path / "x", "--write", "npz", "--quiet")
     record, about = load(tmp_path / "x-scan.npz")
-    save(tmp_path / "x.json", record, about)
-    again, _ = load(tmp_path / "x.json")
+    save(tmp_path / "y.npz", record, about)
+    again, _ = load(tmp_path / "y.npz")
     assert (again.pose == record.pose).all()
-    with pytest.raises(InputError, match=r"out: .* cannot be written"):
-        save(tmp_path / "a.json" / "x.json", record, about)
+    save(tmp_path / "y.npz", record, about | {"format": 9})
+    with pytest.raises(InputError, match=r"cannot be read as a march .format 9."):
+        load(tmp_path / "y.npz")
+    with pytest.raises(OutputError, match=r"a\.json"):
+        save(tmp_path / "a.json" / "x.npz", record, about)

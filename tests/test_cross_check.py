@@ -1,4 +1,4 @@
-"""MuJoCo, which shares no code with pinocchio, as a second cross-check."""
+"""A cross-check by MuJoCo, which shares no code with pinocchio."""
 
 import numpy as np
 import pytest

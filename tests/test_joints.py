@@ -35,7 +35,7 @@ def rates(name, q, v):
     spin = np.append(real * w + np.cross(imaginary, w), -imaginary @ w) / 2
     if name == "spherical":
         return spin
-    return np.concatenate((JOINTS["free"].place(np.zeros((1, 3)), q[None, None])[0][0, 0] @ v[:3], spin))
+    return np.concatenate((JOINTS["free"].transform(np.zeros((1, 3)), q[None, None])[0][0, 0] @ v[:3], spin))
 
 
 @every_joint
@@ -45,7 +45,7 @@ def test_placement_and_subspace_are_pinocchios(name, seed):
     pin_model = model.to_pinocchio()
     data = pin_model.createData()
     pinocchio.forwardKinematics(pin_model, data, q, v)
-    rotation, translation = (x[0, 0] for x in joint.place(model.axes, q[None, None]))
+    rotation, translation = (x[0, 0] for x in joint.transform(model.axes, q[None, None]))
     assert relative_error(rotation, data.oMi[1].rotation) < 1e-14
     assert np.allclose(translation, data.oMi[1].translation, rtol=0, atol=1e-14)
     motion = joint.subspace(model.axes)[0] @ v
@@ -57,10 +57,10 @@ def test_placement_and_subspace_are_pinocchios(name, seed):
 @given(seed=seeds)
 def test_placement_changes_as_the_subspace_says(name, seed):
     joint, model, q, v = lone_joint(name, seed)
-    rotation = joint.place(model.axes, q[None, None])[0][0, 0]
+    rotation = joint.transform(model.axes, q[None, None])[0][0, 0]
     q_dot = rates(name, q, v)
     turning, moving = (
-        derivative(lambda t, part=part: joint.place(model.axes, (q + t * q_dot)[None, None])[part][0, 0], 1e-3)
+        derivative(lambda t, part=part: joint.transform(model.axes, (q + t * q_dot)[None, None])[part][0, 0], 1e-3)
         for part in (0, 1)
     )
     spin = rotation.T @ turning
@@ -71,21 +71,21 @@ def test_placement_changes_as_the_subspace_says(name, seed):
 @every_joint
 def test_neutral_moves_nothing(name):
     joint, model, _, _ = lone_joint(name, 0)
-    rotation, translation = joint.place(model.axes, model.neutral[None, None])
+    rotation, translation = joint.transform(model.axes, model.neutral[None, None])
     assert np.array_equal(rotation[0, 0], np.eye(3))
     assert not translation.any()
 
 
 @every_joint
 @given(seed=seeds)
-def test_place_is_a_rotation_when_the_unit_part_has_length_one(name, seed):
+def test_transform_is_a_rotation_when_the_unit_part_has_length_one(name, seed):
     joint, model, q, _ = lone_joint(name, seed)
-    rotation = joint.place(model.axes, q[None, None])[0][0, 0]
+    rotation = joint.transform(model.axes, q[None, None])[0][0, 0]
     assert relative_error(rotation @ rotation.T, np.eye(3)) < 1e-14
     assert np.linalg.det(rotation) > 0
     if joint.unit is not None:
         assert np.isclose(np.linalg.norm(np.array(joint.neutral)[joint.unit]), 1.0)
         stretched = q.copy()
         stretched[joint.unit] *= 1.1
-        rotation = joint.place(model.axes, stretched[None, None])[0][0, 0]
+        rotation = joint.transform(model.axes, stretched[None, None])[0][0, 0]
         assert relative_error(rotation @ rotation.T, np.eye(3)) > 1e-3

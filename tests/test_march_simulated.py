@@ -8,15 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mp2a.exceptions import InputError
-from mp2a.formation import Formation, Limits, March, waypoints
-from mp2a.formation.choreography import follower
+from mp2a.formation import Formation, FormationController, Limits, waypoints
+from mp2a.formation.choreography.force_field import avoidance
 from mp2a.formation.choreography.ideal import run as ideal_run
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
-from mp2a.formation.odometry import Odometry, into_frame, onto_ground
+from mp2a.formation.pose_history import PoseHistory
 from mp2a.formation.robot_models import HUSKY, TRADR
 from mp2a.formation.tracking import commands
 from mp2a.plot.speeds import speeds_figure
+from mp2a.se2 import act, act_inverse
 from mp2a.simulator import (
     ChoreographySimulationDriver,
     EventKind,
@@ -42,14 +43,14 @@ PATH = waypoints([[0, 0], [12, 0]])
 def dance(text, model=HUSKY, world=ROOM, until=120.0, change=None, after=0.0):
     """Run a choreography; ``change(simulation)`` is called every tick."""
     show = Choreography(parse(text), model)
-    simulation = Simulation(world, model, show.places())
+    simulation = Simulation(world, model, show.slot_poses())
     return show, *drive(simulation, ChoreographySimulationDriver(show), until, change, after)
 
 
 def march(shape, n, obstacles=(), until=25.0, change=None, spacing=2.0, path=PATH):
     formation = Formation.of(shape, n, spacing)
     simulation = Simulation(World([], obstacles), HUSKY, formation.layout.poses(np.zeros(3)))
-    march_ = March(formation, path)
+    march_ = FormationController(formation, path)
     return march_, *drive(simulation, FormationSimulationDriver(march_, HUSKY), until, change)
 
 
@@ -76,20 +77,19 @@ def test_what_stands_still_is_put_where_it_is_whatever_the_robot_has_driven(spee
     times = np.arange(0, 1.05, 0.01)
     twist = np.array([[speed, turn]])
     poses = [move(np.array([[1.0, 2.0, heading]]), twist, t) for t in times]
-    memory = Odometry(1)
+    memory = PoseHistory(1)
     for time, pose in zip(times, poses, strict=True):
         memory.add(time, pose)
     then = memory.at(np.array([times[-1] - age]))
     exact = move(poses[-1], twist, -age)
     np.testing.assert_allclose(then, exact, atol=2e-4)
-    point = np.array([[3.0, -1.0]])
-    seen = onto_ground(into_frame(np.array([5 + 5j]), exact), then)
-    assert abs(seen[0] - (5 + 5j)) < 5e-3
-    np.testing.assert_allclose(into_frame(onto_ground(point, exact), exact), point, atol=1e-12)
+    place = np.array([[5.0, 5.0]])
+    seen = act(then, act_inverse(exact, place))
+    assert np.hypot(*(seen - place)[0]) < 5e-3
 
 
 def test_a_heading_that_wraps_is_no_turn_and_what_is_older_than_the_memory_is_its_beginning():
-    memory = Odometry(2)
+    memory = PoseHistory(2)
     memory.add(0.0, np.array([[0, 0, 3.1], [1, 0, 0]]))
     memory.add(0.1, np.array([[0, 0, -3.1], [2, 0, 0]]))
     half = memory.at(np.array([0.05, -9.0]))
@@ -128,7 +128,7 @@ def test_a_robot_whose_place_stands_does_not_turn():
 def test_the_turn_away_from_an_obstacle_has_no_jump_but_straight_ahead(size, angle, small):
     if abs(angle - np.pi) < 0.02:
         return
-    first, second = (follower.avoidance(size * np.array([[np.cos(a), np.sin(a)]]))[0] for a in (angle, angle + small))
+    first, second = (avoidance(size * np.array([[[np.cos(a), np.sin(a)]]]))[0] for a in (angle, angle + small))
     assert abs(first - second) <= 2 * size * (1 + np.pi) * small + 1e-9
 
 
@@ -150,7 +150,7 @@ def test_scenarios_of_the_thesis_are_danced_without_touching(name, model):
     show, simulation, recording = dance(LISTINGS[name], model)
     assert show.done
     assert not simulation.collisions
-    assert not show.state.error.any()
+    assert not show.state.errors.failed.any()
     # In place; a leader stops at once and a robot does not, and nobody reverses to its place.
     assert (np.abs(recording.gaps[-1] - recording.leaders[-1, :, 2]) < 0.15).all()
 
@@ -174,7 +174,7 @@ def test_a_robot_of_its_own_does_what_it_does_among_all(name, model, which, tick
         ChoreographySimulationDriver(Choreography(parse(text), model)),
         ChoreographySimulationDriver(Choreography(parse(text), model), [which]),
     )
-    simulation = Simulation(World(), model, whole.choreography.places())
+    simulation = Simulation(World(), model, whole.choreography.slot_poses())
     for _ in range(ticks):
         sensed = simulation.sense()
         told = whole.step(sensed)
@@ -184,7 +184,7 @@ def test_a_robot_of_its_own_does_what_it_does_among_all(name, model, which, tick
         })  # fmt: skip
         assert (alone.step(part)[0] == told[which]).all()
         simulation.step(told)
-    assert alone.choreography.state.error.tolist() == [i != which for i in range(len(simulation))]
+    assert alone.choreography.state.errors.failed.tolist() == [i != which for i in range(len(simulation))]
 
 
 def test_a_column_keeps_to_its_path_though_its_robots_see_each_other():
@@ -210,7 +210,7 @@ def test_a_silent_sensor_ends_its_robot_and_is_in_the_recording():
         simulation.silence(0, simulation.time >= 0.95)
 
     show, simulation, recording = dance("robots R1 R2\nrow R1,R2 0 2\nmove 4 0", until=12, change=silence)
-    assert show.state.error.tolist() == [True, False]
+    assert show.state.errors.failed.tolist() == [True, False]
     [event] = [event for event in recording.events if event.kind is EventKind.ERROR_STATE]
     assert event.robot == 0
     # The last scan, of 1.0 s, comes at 1.3 s; more than 0.3 s later nothing has come.
@@ -273,7 +273,7 @@ def test_a_silent_sensor_stops_its_robot_and_the_one_behind_does_not_run_into_it
         simulation.silence(1, simulation.time >= 1.95)
 
     march_, simulation, recording = march("line", 3, until=14, change=silence)
-    assert march_.state.failed.tolist() == [False, True, False]
+    assert march_.state.errors.failed.tolist() == [False, True, False]
     assert [event.robot for event in recording.events if event.kind is EventKind.ERROR_STATE] == [1]
     assert (recording.commands[30:-1, 1] == 0).all()
     assert simulation.poses[0, 0] > 5
@@ -357,7 +357,7 @@ ENTRIES = st.builds(
 @settings(max_examples=40, deadline=None)
 def test_a_march_in_any_world_is_a_run_or_a_clear_error(entries, shape):
     formation = Formation.of(shape, 3)
-    robots = FormationSimulationDriver(March(formation, PATH), HUSKY)
+    robots = FormationSimulationDriver(FormationController(formation, PATH), HUSKY)
     try:
         world = parse_world("\n".join(entries))
         simulation = Simulation(world, HUSKY, formation.layout.poses(np.zeros(3)))

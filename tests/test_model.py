@@ -1,6 +1,8 @@
 """A chain checks what it is given, does not change, and survives being saved."""
 
+import copy
 import dataclasses
+import pickle
 
 import numpy as np
 import pytest
@@ -8,7 +10,9 @@ from helpers import ALL_JOINTS, random_forest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import mp2a
 from mp2a import InputError, Model
+from mp2a.exceptions import OutputError
 from mp2a.joints import JOINTS
 
 seeds = st.integers(0, 2**32 - 1)
@@ -49,7 +53,12 @@ WRONG = [
     ("coms", np.zeros((5, 4)), "(5, 4)", "(5, 3)"),
     ("inertias", np.zeros((5, 3)), "(5, 3)", "(5, 3, 3)"),
     ("inertias", changed(FIVE.inertias, (1, 0, 2), 1.0), "unsymmetric one for body 1", "symmetric"),
+    ("inertias", changed(FIVE.inertias, 2, -np.eye(3)), "moment of -1 kg m² for body 2", "none below 0"),
+    ("inertias", changed(FIVE.inertias, 4, np.diag([1, 1, -1e-6])), "for body 4", "none below 0"),
+    ("coms", changed(FIVE.coms, 1, 1e200), "[1e+200, 1e+200, 1e+200] for body 1", "finite inertia"),
     ("names", ("a", "b"), "got 2", "5, one a body"),
+    ("gravity", [0, -9.81], "(2,)", "(3,)"),
+    ("gravity", [0, 0, np.inf], "inf at (2,)", "finite"),
 ]
 
 
@@ -75,6 +84,70 @@ def test_unsymmetric_inertia_is_found_where_it_is():
 def test_axes_get_unit_length():
     stretched = dataclasses.replace(FIVE, axes=5.0 * FIVE.axes)
     assert np.allclose(stretched.axes, FIVE.axes, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("size", [1e200, 1e-200, 5e-324, 1.7e308])
+def test_axes_of_any_length_get_unit_length(size):
+    model = Model.uniform(3, axis=(size, 0, size))
+    assert np.allclose(model.axes, [np.sqrt(0.5), 0, np.sqrt(0.5)], rtol=0, atol=1e-15)
+    assert dataclasses.replace(model) == model
+
+
+def test_moments_that_only_rounding_makes_negative_are_let_through():
+    rod = np.diag([0.0, 1.0, 1.0])
+    turn = Model.random(1).rotations[0]
+    assert len(Model.uniform(2, inertia=turn @ rod @ turn.T)) == 2
+    assert len(Model.uniform(2, inertia=np.diag([1.0, 1.0, 3.0]))) == 2  # no real body, but solvable
+
+
+@given(model=models())
+def test_copies_are_equal_and_cannot_be_written(model):
+    state = model.random_state()
+    torque = mp2a.rnea(model, *state)  # makes what a model keeps
+    for twin in (pickle.loads(pickle.dumps(model)), copy.deepcopy(model), copy.copy(model), dataclasses.replace(model)):
+        assert twin == model
+        assert np.array_equal(mp2a.rnea(twin, *state), torque)
+        arrays = [getattr(twin, field.name) for field in dataclasses.fields(Model)]
+        arrays += [twin.q_starts, twin.v_starts, twin.origin_inertias, twin.neutral]
+        arrays += [array for group in twin.groups for array in group[1:]]
+        for array in arrays:
+            assert not isinstance(array, np.ndarray) or not array.flags.writeable
+
+
+@given(model=models(), data=st.data())
+def test_block_is_those_bodies_alone(model, data):
+    start = data.draw(st.integers(0, len(model) - 1))
+    stop = data.draw(st.integers(start + 1, len(model)))
+    if (model.parents[start + 1 : stop] == np.arange(start, stop - 1)).all():
+        block = model.block(range(start, stop))
+        assert block.is_serial
+        assert (block.names, block.joints) == (model.names[start:stop], model.joints[start:stop])
+        assert np.array_equal(block.translations, model.translations[start:stop])
+    else:
+        with pytest.raises(InputError, match=r"bodies: got .*branch"):
+            model.block(range(start, stop))
+    for wrong in (range(0), range(len(model) + 1), range(-1, 1), range(len(model), 0, -1), range(0, len(model), 2)):
+        if wrong != range(1):
+            with pytest.raises(InputError, match="bodies: got"):
+                model.block(wrong)
+
+
+def test_interrupted_save_leaves_the_old_file(tmp_path, monkeypatch):
+    path = tmp_path / "model.npz"
+    FIVE.save(path)
+
+    def half(file, **arrays):
+        file.write(b"half of")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(np, "savez_compressed", half)
+    with pytest.raises(KeyboardInterrupt):
+        Model.uniform(3).save(path)
+    monkeypatch.undo()
+    assert Model.load(path) == FIVE
+    assert [file.name for file in tmp_path.iterdir()] == ["model.npz"]
+    with pytest.raises(OutputError, match=r"model\.npz"):
+        FIVE.save(path / "model.npz")
 
 
 @given(model=models())
@@ -113,12 +186,12 @@ def test_damaged_file_gives_an_input_error_or_the_chain(tmp_path, data):
 def test_any_other_file_gives_an_input_error(tmp_path, content):
     path = tmp_path / "other.npz"
     path.write_bytes(content)
-    with pytest.raises(InputError, match="cannot be read as a chain"):
+    with pytest.raises(InputError, match="cannot be read as a model"):
         Model.load(path)
 
 
 ODD_VALUES = (
-    np.zeros(3), np.array("word"), np.array([["revolute"]]), np.array(2), np.zeros((2, 2), dtype=complex),
+    np.zeros(4), np.array("word"), np.array([["revolute"]]), np.array(99), np.zeros((2, 2), dtype=complex),
     np.array([b"bytes"]), np.zeros(1, dtype=[("a", "f8")]), np.array([np.nan]), np.array(["2020"], dtype="datetime64"),
 )  # fmt: skip
 
@@ -135,7 +208,7 @@ def test_file_with_a_wrong_array_gives_an_input_error(tmp_path, key):
             Model.load(tmp_path / "wrong.npz")
     del arrays[key]
     np.savez(tmp_path / "missing.npz", **arrays)
-    with pytest.raises(InputError, match="expected a chain of format"):
+    with pytest.raises(InputError, match="expected a model of format"):
         Model.load(tmp_path / "missing.npz")
 
 
@@ -152,9 +225,9 @@ def test_digest_is_equal_exactly_for_equal_chains(n, seed):
     same = Model.random(n, seed, ALL_JOINTS)
     assert (model == same, model.digest() == same.digest(), hash(model) == hash(same)) == (True, True, True)
     body = seed % n
-    for field in ("translations", "masses", "coms", "inertias"):
+    for field in ("translations", "masses", "coms", "inertias", "gravity"):
         value = getattr(model, field).copy()
-        value[body] = np.nextafter(value[body], np.inf)
+        value[body % len(value)] = np.nextafter(value[body % len(value)], np.inf)
         assert dataclasses.replace(model, **{field: value}) != model
     assert dataclasses.replace(model, names=("other", *model.names[1:])) != model
 
@@ -175,8 +248,9 @@ def test_body_is_that_body_alone(model):
         body = model.body(i)
         assert len(body) == 1
         assert body.parents[0] == -1
-        for field in dataclasses.fields(Model)[1:]:
+        for field in dataclasses.fields(Model)[1:-1]:
             assert np.array_equal(getattr(body, field.name)[0], getattr(model, field.name)[i])
+        assert np.array_equal(body.gravity, model.gravity)
     for i in (-1, len(model)):
         with pytest.raises(InputError, match=f"i: got {i}"):
             model.body(i)
@@ -225,7 +299,21 @@ def test_fields_cannot_be_set(field):
 
 
 @pytest.mark.parametrize(
-    "name", ["parents", "axes", "rotations", "translations", "masses", "coms", "inertias", "neutral"]
+    "name",
+    [
+        "parents",
+        "axes",
+        "rotations",
+        "translations",
+        "masses",
+        "coms",
+        "inertias",
+        "gravity",
+        "neutral",
+        "q_starts",
+        "v_starts",
+        "origin_inertias",
+    ],
 )
 def test_arrays_cannot_be_written(name):
     with pytest.raises(ValueError, match="read-only"):
@@ -235,6 +323,6 @@ def test_arrays_cannot_be_written(name):
 def test_chain_keeps_nothing_of_the_callers_arrays():
     fields = {field.name: np.array(getattr(FIVE, field.name)) for field in dataclasses.fields(Model)}
     model = Model(**fields)
-    for name in ("parents", "axes", "rotations", "translations", "masses", "coms", "inertias"):
+    for name in ("parents", "axes", "rotations", "translations", "masses", "coms", "inertias", "gravity"):
         fields[name][:] = 0
     assert model == FIVE

@@ -1,8 +1,12 @@
 """A rank process loads only what it runs, and no module knows one above it."""
 
 import ast
+import builtins
+import importlib
+import re
 import subprocess
 import sys
+import types
 from pathlib import Path
 
 import pytest
@@ -12,13 +16,13 @@ import mp2a
 ROOT = Path(mp2a.__file__).parent
 MODULES = sorted(ROOT.rglob("*.py"))
 
-# From the bottom to the top; what is not named here stands above all of it.
-LAYERS = (
-    "exceptions", "dependencies", "mpi_environment", "mpi", "checks", "files", "file_kinds", "tables", "cores",
-    "network", "spatial", "se2", "joints", "readers", "model", "validation", "joint_kinematics", "algebra", "kernels",
-    "recursion", "schedule", "transport", "methods", "dynamics", "distributed", "process_grid", "formation", "launch",
-    "reference", "cost_model", "bench", "simulator", "robots", "plot", "cli",
-)  # fmt: skip
+PAGE = (ROOT.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
+# From the bottom to the top, as the page has them from the top; what is not named there stands above all of it.
+LAYERS = [
+    name
+    for line in reversed(PAGE.partition("```layers\n")[2].partition("```")[0].splitlines())
+    for name in reversed(re.split(r"\s{2,}", line)[0].split())
+]
 NOT_ON_A_RANK = (
     "matplotlib", "pinocchio", "rich", "typer", "click", "argparse", "mujoco", "scipy", "numba",
     "shapely", "foxglove", "rosbags", "tomllib", "tomli", "lark",
@@ -67,7 +71,8 @@ def loaded_by(statement):
         "import mp2a.distributed",
         "import mp2a.simulator, mp2a.simulator.ranks, mp2a.simulator.outcomes",
         "import mp2a, mp2a.formation.robot_models",
-        "from mp2a.formation import *; March(Formation.of('line', 3), waypoints([[0, 0], [1, 0]])).step()",
+        "from mp2a.formation import *\n"
+        "FormationController(Formation.of('line', 3), waypoints([[0, 0], [1, 0]])).step()",
         "from mpi4py import MPI; import mp2a; c = mp2a.Model.uniform(1)\n"
         "with mp2a.DistributedModel(MPI.COMM_SELF, c) as d: d.rnea(*c.random_state())",
     ],
@@ -89,9 +94,35 @@ def test_a_watchdog_is_lean():
 def test_every_public_name_is_there():
     for name in mp2a.__all__:
         assert getattr(mp2a, name) is not None
+    loaded_by("import mp2a; [getattr(mp2a, name) for name in mp2a.__all__]")  # where no other module was loaded
     assert dir(mp2a) == sorted(mp2a.__all__)
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         mp2a.nothing  # noqa: B018
+
+
+def test_docs_list_the_public_names_and_no_others():
+    rows = re.findall(r"^\| `mp2a\.(\w+)` \| (.+) \|$", (ROOT.parent / "docs" / "api.md").read_text(), flags=re.M)
+    names = [name for name, _ in rows]
+    assert len(set(names)) == len(names)
+    assert set(names) == set(mp2a.__all__)
+    assert len(names) <= 45  # what is public is meant
+    for name, text in rows:
+        value = getattr(mp2a, name)
+        for member in re.findall(r"`(\w+)(?:\(\))?`", text) if isinstance(value, type | types.ModuleType) else ():
+            if not hasattr(value, member) and not hasattr(builtins, member):
+                assert importlib.import_module(f"{value.__name__}.{member}"), f"mp2a.{name}.{member}"
+
+
+@pytest.mark.parametrize("name", mp2a._MODULES)
+def test_names_of_public_packages_are_there(name):
+    module = getattr(mp2a, name)
+    for public in getattr(module, "__all__", ()):
+        assert getattr(module, public) is not None
+    assert module.__doc__
+
+
+def test_types_are_for_users_too():
+    assert (ROOT / "py.typed").exists()
 
 
 def test_every_module_has_a_place():

@@ -1,6 +1,7 @@
 """Chains from parameters, Denavit-Hartenberg rows, pinocchio and URDF are the mechanisms they describe."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pinocchio
@@ -278,7 +279,7 @@ def test_urdf_joints_of_several_degrees_of_freedom(tmp_path, kind, joint):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (urdf(("fixed", "base", "tip")).encode(), "without joints"),
+        (urdf(("fixed", "base", "tip")).encode(), "cannot be read as URDF .*without joints"),
         (urdf(("sliding", "base", "tip")).encode(), "cannot be read as URDF"),
         (urdf(("revolute", "a", "b"), ("revolute", "b", "a")).encode(), "cannot be read as URDF"),
         (b"", "cannot be read as URDF"),
@@ -286,6 +287,32 @@ def test_urdf_joints_of_several_degrees_of_freedom(tmp_path, kind, joint):
         (b"\xff\xfe\x00", "cannot be read as URDF"),
         (b'<?xml version="1.0" encoding="none"?><robot/>', "cannot be read as URDF"),
         (b"<sdf/>", "<sdf> as its root, expected <robot>"),
+        (urdf(("revolute", "a", "b"), ("revolute", "b", "c"), ("revolute", "d", "d")).encode(), "hang on 'a'.*no loop"),
+        (urdf(("revolute", "a", "c"), ("revolute", "b", "c")).encode(), "link 'c' is the child of joints 'a-c' and"),
+        (urdf(("revolute", "a", "b"), ("revolute", "a", "b")).encode(), "there are two joints 'a-b'"),
+        (urdf(("revolute", "a", "b")).replace('name="b"', 'name="a"').encode(), "there are two links 'a'"),
+        (urdf(("revolute", "a", "b")).replace('name="b"', 'name="c"').encode(), "joint 'a-b': got link 'b', expected"),
+        (urdf(("planar", "a", "b")).encode(), "'a-b': got a planar joint of axis"),
+        *(
+            (urdf(("revolute", "a", "b")).replace(old, new).encode(), f"{where}: got .*{got}.*expected")
+            for old, new, where, got in (
+                ('value="2.5"', 'value="nan"', "link 'b'", "value='nan' in <mass>"),
+                ('value="2.5"', 'value="inf"', "link 'b'", "value='inf'"),
+                ('value="2.5"', 'value="abc"', "link 'b'", "value='abc'"),
+                ('value="2.5"', 'value="1 2"', "link 'b'", "value='1 2'"),
+                ('value="2.5"', 'value="-1"', "link 'b'", "mass -1"),
+                ('value="2.5"', "", "link 'b'", "no value in <mass>"),
+                ('<mass value="2.5"/>', "", "link 'b'", "no <mass> in <inertial>"),
+                ('iyy="0.22"', "", "link 'b'", "no iyy in <inertia>"),
+                ('iyy="0.22"', 'iyy="big"', "link 'b'", "iyy='big'"),
+                ('xyz="0.1 -0.2 0.3"', 'xyz="0.1 -0.2"', "joint 'a-b'", "xyz='0.1 -0.2'"),
+                ('rpy="0.1 1.1 -0.4"', 'rpy="x 1.1 -0.4"', "joint 'a-b'", "rpy="),
+                ('xyz="1 1 -2"', 'xyz="nan 1 -2"', "joint 'a-b'", "xyz="),
+                ('xyz="1 1 -2"', 'direction="1 1 -2"', "joint 'a-b'", "no xyz in <axis>"),
+                ('<parent link="a"/>', "", "joint 'a-b'", "no <parent>"),
+                ('type="revolute"', "", "joint 'a-b'", "no type"),
+            )
+        ),
         (b'<robot name="r"/>', "cannot be read as URDF"),
     ],
 )
@@ -294,6 +321,69 @@ def test_urdf_that_is_no_serial_chain_gives_an_input_error(tmp_path, content, me
     path.write_bytes(content)
     with pytest.raises(InputError, match=message):
         Model.from_urdf(path)
+
+
+@given(data=st.data(), seed=seeds)
+@settings(max_examples=40)
+def test_urdf_of_any_tree_is_read_as_pinocchio_reads_it(tmp_path, data, seed):
+    """Types, fixed links between and beyond, bare links, roots, and the order of joints, which goes by their names."""
+    rng = np.random.default_rng(seed)
+    names = rng.permutation([f"{letter}{i}" for letter in "Aaz_" for i in (1, 2, 10)])[: data.draw(st.integers(2, 12))]
+    kinds = ["revolute", "continuous", "prismatic", "floating", "planar", "fixed", "fixed"]
+    joints = [("revolute", names[0], names[1])]
+    joints += [(rng.choice(kinds), names[rng.integers(0, i)], names[i]) for i in range(2, len(names))]
+    text = urdf(*(joints[i] for i in rng.permutation(len(joints))))
+    lines = [
+        line.split("<inertial>")[0] + "</link>" if line.startswith("<link") and rng.random() < 0.2 else line
+        for line in text.replace('<axis xyz="1 2 -2"/>', "").splitlines()
+    ]
+    lines = [re.sub("<axis.*?/>", "", line) if "planar" in line else line for line in lines]
+    path = tmp_path / "tree.urdf"
+    path.write_text("\n".join(lines))
+    root, pin_root = data.draw(st.sampled_from([
+        ("fixed", ()), ("free", (pinocchio.JointModelFreeFlyer(),)), ("planar", (pinocchio.JointModelPlanar(),)),
+        ("spherical", (pinocchio.JointModelSpherical(),)),
+    ]))  # fmt: skip
+    model, pin_model = Model.from_urdf(path, root), pinocchio.buildModelFromUrdf(str(path), *pin_root)
+    other = Model.from_pinocchio(pin_model)
+    assert (model.names, model.joints, model.parents.tolist()) == (other.names, other.joints, other.parents.tolist())
+    for field in ("axes", "rotations", "translations", "masses", "coms", "inertias"):
+        assert np.allclose(getattr(model, field), getattr(other, field), rtol=0, atol=1e-13), field
+
+
+@pytest.mark.parametrize("root", ["free", "planar"])
+def test_urdf_stands_on_the_root_that_is_asked_for(tmp_path, root):
+    path = tmp_path / "arm.urdf"
+    path.write_text(urdf(("revolute", "trunk", "arm"), ("fixed", "arm", "hand")))
+    model = Model.from_urdf(path, root=root)
+    assert model.joints == (root, "revolute")
+    assert model.names == ("root_joint", "trunk-arm")
+    assert model.masses.sum() == 1.5 + 2.5 + 3.5
+    with pytest.raises(InputError, match=r"^root: got 'floating', expected one of 'fixed', 'free'"):
+        Model.from_urdf(path, root="floating")
+
+
+def test_urdf_of_ten_thousand_links_in_a_row(tmp_path):
+    path = tmp_path / "rope.urdf"
+    path.write_text(urdf(*(("revolute", f"l{i:05}", f"l{i + 1:05}") for i in range(10_000))))
+    model = Model.from_urdf(path)
+    assert len(model) == 10_000
+    assert model.is_serial
+
+
+def test_gravity_comes_and_goes_with_pinocchios_model(tmp_path):
+    pin_model = Model.uniform(3).to_pinocchio()
+    assert np.array_equal(Model.from_pinocchio(pin_model).gravity, [0, 0, -9.81])
+    pin_model.gravity.linear = np.array([0.0, 0.0, -1.62])
+    moon = Model.from_pinocchio(pin_model)
+    assert np.array_equal(moon.gravity, [0, 0, -1.62])
+    assert np.array_equal(moon.to_pinocchio().gravity.linear, [0, 0, -1.62])
+    assert moon != Model.uniform(3)
+    moon.save(tmp_path / "moon.npz")
+    assert Model.load(tmp_path / "moon.npz") == moon
+    pin_model.gravity.angular = np.array([0.0, 0.0, 1.0])
+    with pytest.raises(InputError, match="gravity with an angular part"):
+        Model.from_pinocchio(pin_model)
 
 
 def test_urdf_that_cannot_be_opened_gives_an_input_error(tmp_path):

@@ -1,6 +1,10 @@
 """`mp2a.rnea` is pinocchio's inverse dynamics, whatever the method, and says what is wrong with its input."""
 
+import dataclasses
 import doctest
+import gc
+import pickle
+import weakref
 
 import numpy as np
 import pinocchio
@@ -14,6 +18,7 @@ import mp2a.dynamics
 import mp2a.methods
 from mp2a import DependencyError, InputError, Model
 from mp2a.reference import Reference
+from mp2a.validation import check_model
 
 METHODS = ("serial", *mp2a.methods.METHODS)
 ON_TREES = tuple(method for method in METHODS if method != "kogge-stone")
@@ -22,7 +27,9 @@ RESULTS = ("velocity", "acceleration", "force", "torque")
 
 def errors(result, reference):
     """Relative error of each part of a result."""
-    return {name: relative_error(getattr(result, name), getattr(reference, name)) for name in RESULTS}
+    parts = {name: relative_error(getattr(result, name), getattr(reference, name)) for name in RESULTS}
+    places = zip(("rotation", "translation"), result.placement, reference.placement, strict=True)
+    return parts | {name: relative_error(*pair) for name, *pair in places}
 
 
 def agree(model, methods, samples, seed, tolerance=1e-12):
@@ -114,6 +121,68 @@ def test_user_needs_no_more_than_pinocchios_q_and_v():
     assert np.array_equal(model.neutral, pinocchio.neutral(pin_model))
 
 
+def test_pinocchios_model_is_taken_as_it_is():
+    """The first thing that a user of pinocchio types; a change of the model is noticed."""
+    pin_model = Model.random(6, joints=ALL_JOINTS).to_pinocchio()
+    pin_model.gravity.linear = np.array([1.0, 2.0, -3.0])
+    data = pin_model.createData()
+    q, v, a = Model.from_pinocchio(pin_model).random_state()
+    torque = pinocchio.rnea(pin_model, data, q, v, a)
+    assert relative_error(mp2a.rnea(pin_model, q, v, a), torque) < 1e-13
+    again = mp2a.rnea(pin_model, q, v, a, method="sweep", bodies=True)
+    assert relative_error(again.torque, torque) < 1e-13
+    placement = mp2a.placements(pin_model, q)
+    pinocchio.forwardKinematics(pin_model, data, q)
+    for i in range(6):
+        assert np.allclose(placement.translation[i], data.oMi[i + 1].translation, rtol=0, atol=1e-13)
+    pin_model.inertias[3].mass = 7.0
+    pin_model.gravity.linear = np.zeros(3)
+    changed = pinocchio.rnea(pin_model, pin_model.createData(), q, v, a)
+    assert relative_error(changed, torque) > 1e-3
+    assert relative_error(mp2a.rnea(pin_model, q, v, a), changed) < 1e-13
+    with pytest.raises(InputError, match=r"^model: got Data, expected an mp2a.Model or a pinocchio.Model"):
+        mp2a.rnea(data, q, v, a)
+    with pytest.raises(InputError, match=r"^model: got str"):
+        mp2a.placements("robot.urdf", q)
+
+
+def test_conversion_of_pinocchios_model_is_kept_while_it_lives():
+    pin_model = Model.random(3).to_pinocchio()
+    first = check_model(pin_model)
+    assert check_model(pin_model) is first
+    pin_model.inertias[1].mass = 7.0
+    assert check_model(pin_model).masses[0] == 7.0
+    kept = weakref.ref(check_model(pin_model))
+    del pin_model, first
+    gc.collect()
+    assert kept() is None
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_gravity_is_the_models_unless_told(method):
+    model = dataclasses.replace(Model.random(5, seed=8), gravity=[3.0, -2.0, 1.0])
+    state = model.random_state(2)
+    expected = Reference(model).rnea(*state)
+    assert relative_error(mp2a.rnea(model, *state, method=method), expected.torque) < 1e-13
+    assert relative_error(mp2a.rnea(model, *state, gravity=[3.0, -2.0, 1.0], method=method), expected.torque) < 1e-13
+    earth = mp2a.rnea(model, *state, gravity=mp2a.spatial.GRAVITY, method=method)
+    assert relative_error(earth, Reference(Model.random(5, seed=8)).rnea(*state).torque) < 1e-13
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_results_can_be_pickled_and_keep_the_placement_of_their_call(method):
+    model = Model.random(5)
+    q, v, a = model.random_state(3)
+    result = mp2a.rnea(model, q, v, a, method=method, bodies=True)
+    rotations, origins = placements(model, q[1])
+    q[:] = 0.0  # before the placement was asked for
+    sent = pickle.loads(pickle.dumps(result))
+    assert relative_error(sent.placement.rotation[1], rotations) < 1e-14
+    assert relative_error(result.placement.translation[1], origins) < 1e-14
+    for name in RESULTS:
+        assert np.array_equal(getattr(sent, name), getattr(result, name))
+
+
 # ---- wrong input ---------------------------------------------------------------------------------------------------
 
 MODEL = Model.random(4, seed=2, joints=("revolute",))
@@ -202,10 +271,7 @@ def test_bodies_are_placed_as_by_going_along_the_chain(method):
             assert relative_error(got[0], rotations) < 1e-12
             assert relative_error(got[1], origins) < 1e-12
         done = mp2a.rnea(model, q, v, a, method=method, bodies=True)
-        if method in ("kogge-stone", "serial"):
-            assert done.rotation is None and done.position is None
-        else:
-            assert relative_error(done.rotation[sample], rotations) < 1e-12
-            assert relative_error(done.position[sample], origins) < 1e-12
+        assert relative_error(done.placement.rotation[sample], rotations) < 1e-12
+        assert relative_error(done.placement.translation[sample], origins) < 1e-12
     with pytest.raises(InputError, match="q: got"):
         mp2a.placements(model, q[0, 1:])

@@ -10,24 +10,25 @@ from hypothesis import strategies as st
 
 from mp2a import InputError, Model
 from mp2a.algebra.affine import DOUBLES, MATRIX_AND_VECTOR, VECTOR
+from mp2a.bench.simulated import SCHEDULES
 from mp2a.methods import METHODS, block
 from mp2a.methods.cost import cost
+from mp2a.methods.local import solve_locally
 from mp2a.schedule import (
     FORCE,
     MOTION,
-    SCHEDULES,
     SHIFT,
     TAIL,
+    broadcast,
     compact,
     kogge_stone,
     motion,
-    neighbours,
+    parent_to_child,
     pipeline,
     rounds_needed,
     shifted,
     sweep,
 )
-from mp2a.transport.local import LocalTransport
 from mp2a.validation import check_state
 
 RECURRENCES = ("velocity", "acceleration", "force")
@@ -132,7 +133,7 @@ def test_printed_schedule_lists_every_message_once(n):
 
 
 @every_size
-def test_pipeline_passes_through_every_robot_and_back(n):
+def test_the_pipeline_passes_through_every_robot_and_back(n):
     schedule = pipeline(n)
     hops = [(int(s[0]), int(t[0])) for round_ in schedule.rounds for _, s, t in round_.transfers]
     assert hops == [(i, i + 1) for i in range(n - 1)] + [(i + 1, i) for i in reversed(range(n - 1))]
@@ -145,10 +146,10 @@ def test_pipeline_passes_through_every_robot_and_back(n):
 def test_local_transport_carries_what_the_schedule_and_the_cost_model_count(name, n, samples, branching):
     model = Model.random(n, joints=ALL_JOINTS, branching=1 if name == "kogge-stone" else branching)
     forces, gravity = random_load(model, samples)
-    method, transport = METHODS[name], LocalTransport(n)
+    method = METHODS[name]
     state = check_state(model, *model.random_state(samples), forces)
     schedule = method.schedule(model.parents)
-    method.solve(model, state, gravity, schedule, transport)
+    _, transport = solve_locally(method, model, state, gravity)
     count = schedule.count(method.doubles)
     assert (transport.messages, transport.doubles) == (count.total, samples * count.doubles)
     modelled = cost(name, model.parents, samples, latency=0.01, bandwidth=1e9)
@@ -277,10 +278,28 @@ def test_no_robots_no_schedule(name):
 def test_one_way_schedules(parents):
     parents = np.array(parents)
     ahead = np.flatnonzero(parents >= 0)
-    (round_,) = neighbours(parents).rounds
+    (round_,) = parent_to_child(parents).rounds
     ((kind, source, target),) = round_.transfers
     assert kind == MOTION
     assert (target == ahead).all() and (source == parents[ahead]).all()
     assert str(motion(parents)) == "\n".join(
         line for line in str(compact(parents)).splitlines() if line.startswith("motion")
     )
+
+
+@given(n=st.integers(1, 60), seed=st.integers(0, 999), branching=st.integers(1, 8))
+def test_a_broadcast_tells_everybody_once(n, seed, branching):
+    """In as many rounds as a sweep has; who tells has been told in a round before, or hangs on the base."""
+    parents = parents_of(n, seed, branching)
+    told = parents < 0
+    schedule = broadcast(parents)
+    assert len(schedule.rounds) == math.ceil(math.log2(depth(parents)))
+    for round_ in schedule.rounds:
+        before = told.copy()
+        for _, source, target in round_.transfers:
+            assert before[source].all()
+            assert not before[target].any()
+            assert len(set(target)) == len(target)
+            told[target] = True
+    assert told.all()
+    assert schedule.count({MOTION: 1}).total == (parents >= 0).sum()

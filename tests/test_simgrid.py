@@ -27,7 +27,7 @@ from mp2a.bench.simgrid import (
 )
 from mp2a.exceptions import DependencyError, InputError
 from mp2a.plot import save_figure, simulated_figure
-from mp2a.schedule import SCHEDULES, rounds_needed
+from mp2a.schedule import rounds_needed
 
 METHODS = ("pipeline", "kogge-stone", "compact", "sweep")
 RECURRENCES = ("velocity", "acceleration", "motion", "force", "sweep")
@@ -61,7 +61,7 @@ def actions(n, program):
 
 def follower(name, n, samples=1, seconds=0.0):
     """Program of a schedule."""
-    return list(schedule_program(SCHEDULES[name](n), doubles(name), samples, alike(seconds)))
+    return list(schedule_program(simulated.SCHEDULES[name](n), doubles(name), samples, alike(seconds)))
 
 
 def array(*ranks):
@@ -82,7 +82,7 @@ def test_each_message_of_the_schedule_is_sent_received_and_waited_for_once(name,
     received = Counter(
         (int(of), t, tag, size) for t, acts in enumerate(ranks) for w, of, tag, size, _ in found(acts, "irecv")
     )
-    count = SCHEDULES[name](n).count(doubles(name))
+    count = simulated.SCHEDULES[name](n).count(doubles(name))
     assert sent == received
     assert set(sent.values()) == {1}
     assert sent.total() == count.total
@@ -127,7 +127,7 @@ def test_computing_is_told_in_flops_and_none_is_left_out():
 def test_a_recurrence_has_a_start_and_a_cost_between_its_rounds(name):
     n = 16
     times = ComputeCosts(dict.fromkeys(RECURRENCES, 1.0), dict.fromkeys(RECURRENCES, 1e-3), 1e-6)
-    schedule = SCHEDULES[name](n)
+    schedule = simulated.SCHEDULES[name](n)
     for rank, acts in enumerate(actions(n, schedule_program(schedule, doubles(name), 1, times))):
         flops = Counter(float(flops) for _, flops in found(acts, "compute"))
         recurrences = {r.recurrence for r in schedule.rounds}
@@ -199,7 +199,7 @@ def test_costs_are_measured_for_what_the_schedules_name(monkeypatch):
         if name == "gather-scatter":
             assert 0 < seconds < 1
             continue
-        recurrences = {r.recurrence for r in SCHEDULES[name](8).rounds}
+        recurrences = {r.recurrence for r in simulated.SCHEDULES[name](8).rounds}
         assert seconds["start"].keys() == seconds["between"].keys() == recurrences
         assert all(0 <= s < 1 for s in (*seconds["start"].values(), *seconds["between"].values(), seconds["end"]))
 

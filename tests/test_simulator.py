@@ -1,5 +1,6 @@
 """Simulated robots: the laws their motion, their contacts and their sensors keep."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from mp2a.exceptions import InputError
+from mp2a.exceptions import DependencyError, InputError
 from mp2a.formation.robot_models import HUSKY, TRADR
 from mp2a.simulator import (
     NO_SLIP,
@@ -347,6 +348,14 @@ def test_same_calls_give_the_same_numbers():
     for name in ("times", "poses", "twists", "commands", "points", "stamps"):
         assert_array_equal(getattr(first, name), getattr(second, name))
     assert first.events == second.events
+
+
+def test_without_shapely_the_error_says_how_to_get_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "shapely", None)
+    with pytest.raises(DependencyError, match=r"the simulator needs shapely.* pip install 'mp2a\[formation\]'"):
+        Simulation(EMPTY, HUSKY, [[0, 0, 0]])
+    with pytest.raises(DependencyError, match="the simulator needs shapely"):
+        World(obstacles=[box((0, 0), (1, 1))])
 
 
 def test_run_ends_when_time_is_up_or_the_controller_says_so():

@@ -18,6 +18,13 @@ DOUBLES = {MATRIX_AND_VECTOR: 42, VECTOR: 6}
 """Numbers a sample in each kind of message: the paper's ``A_b`` and ``B_b`` (eq. 12)."""
 
 
+IDENTITY = np.eye(6).reshape(36)
+"""The matrix of the piece that changes nothing."""
+NO_VECTOR = np.zeros(6)
+"""The vector of the piece that changes nothing, and no force."""
+IDENTITY.flags.writeable = NO_VECTOR.flags.writeable = False
+
+
 def product(outer: Array, inner: Array, out: Array | None = None) -> Array:
     """``C₂ C₁`` of matrices in rows of 36, ``(..., 36)``: ``inner`` first, then ``outer``; ``out`` is neither."""
     result = np.empty(inner.shape) if out is None else out

@@ -22,6 +22,10 @@ from mp2a.spatial import Array, apply, cross, force_to_parent, skew, transpose
 
 DOUBLES = 28
 
+IDENTITY = np.zeros(DOUBLES)
+"""No body at all."""
+IDENTITY.flags.writeable = False
+
 _UPPER = np.array([0, 1, 2, 4, 5, 8])
 """Places of the six numbers of a symmetric 3x3 matrix in its nine."""
 _FULL = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])

@@ -18,6 +18,11 @@ from mp2a.spatial import Array, apply, cross, motion_to_child
 
 DOUBLES = 24
 
+IDENTITY = np.zeros(DOUBLES)
+"""The path of no length at rest, which composed with another one leaves it as it is."""
+IDENTITY[[0, 4, 8]] = 1.0
+IDENTITY.flags.writeable = False
+
 
 class RelativeMotion(NamedTuple):
     """Parts of a segment ``(..., 24)``, as views of it."""
@@ -56,6 +61,22 @@ def compose(upper: Array, lower: Array) -> Array:
     turned = motion_to_child(two.rotation, two.translation, one.acceleration)
     both.acceleration[...] = turned + two.acceleration + motion_cross(carried, two.velocity)
     return out
+
+
+def read_off(path: Array, gravity: Array) -> tuple[Array, Array]:
+    """Velocity and spatial acceleration ``(..., 6)`` of bodies whose paths reach the base, which falls with -g.
+
+    Parameters
+    ----------
+    path
+        From the base to the bodies, ``(..., 24)``.
+    gravity
+        ``(3,)`` m/s² in the base frame.
+    """
+    whole = view(path)
+    acceleration = whole.acceleration.copy()
+    acceleration[..., 3:] -= gravity @ whole.rotation
+    return whole.velocity.copy(), acceleration
 
 
 def motion_cross(motion: Array, other: Array) -> Array:

@@ -100,20 +100,10 @@ def run_ranks(arguments: Sequence[str], n: int, say: Callable[[str], None]) -> d
         program = [sys.executable, "-m", "mp2a", *arguments, "--out", str(out), "--quiet"]
         environment = {STARTED: repr(time.time())}
         say("starting the ranks")
-        process = launch.start(
-            n,
-            program,
-            environment=environment,
-            preload=_PRELOAD,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        try:
+        pipe = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+        with launch.start(n, program, environment=environment, preload=_PRELOAD, **pipe) as process:
             last = _follow(process.stdout or (), say)
             code = process.wait()
-        finally:
-            launch.end(process)
         if code or not out.exists():
             errors = [line.removeprefix(ERROR) for line in last if line.startswith(ERROR)]
             raise DependencyError("\n".join(errors or [f"mpirun with {n} ranks ended with status {code}:", *last]))

@@ -2,18 +2,22 @@
 
 import statistics
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
-from mp2a.methods import METHODS, Method
+from mp2a import kernels
+from mp2a.methods import METHODS
+from mp2a.methods.block import Block
 from mp2a.model import Model
+from mp2a.program.memory import Frame, lay_out
+from mp2a.program.recorder import Communication
+from mp2a.program.replay import replay
 from mp2a.schedule import Round, Schedule, Transfer
-from mp2a.spatial import GRAVITY, Array
-from mp2a.transport.base import Arrival
-from mp2a.transport.local import LocalTransport
-from mp2a.validation import JointState, check_state
+from mp2a.spatial import Array
+from mp2a.transport.base import Parcel
+from mp2a.validation import check_state
 
 if TYPE_CHECKING:
     from mp2a.transport.link import Link
@@ -53,43 +57,49 @@ def method_costs(name: str, samples: int, seed: int = 0) -> ComputeCosts:
     middle = _ROBOTS // 2
     body = model.body(middle)
     state = check_state(body, *model.random_state(samples, seed, body=middle), None)
-    schedule = as_seen_by(middle, chosen.schedule(_ROBOTS))
-    gravity = np.asarray(GRAVITY, dtype=float)
+    block = Block(body, 0, False, body.gravity)
+    layout = lay_out(block.record(chosen, as_seen_by(middle, chosen.schedule(_ROBOTS))))
+    names = [x.round.recurrence for x in layout.program.instructions if isinstance(x, Communication)]
 
     def once() -> list[float]:
-        watch = _Watch(1)
+        watch = _Watch()
         watch.marks.append(time.thread_time())
-        chosen.solve(body, state, gravity, schedule, watch)
+        frame = Frame(layout, samples)
+        inputs = block.inputs(state, layout.program.inputs)
+        for given, number in layout.program.inputs.items():
+            frame.store(number, inputs[given])
+        replay(frame, watch)
+        block.torque({result: frame.result(x) for result, x in layout.program.outputs.items() if isinstance(x, int)})
         watch.marks.append(time.thread_time())
         return np.subtract(watch.marks[1::2], watch.marks[::2]).tolist()
 
-    measured = _sorted(schedule, _medians(once))
-    return measured._replace(between={**measured.between, **_recorded(chosen, body, state, gravity, schedule)})
+    measured = _sorted(names, _medians(once))
+    return measured._replace(between={**measured.between, **_compiled(Frame(layout, samples), names)})
 
 
-def _recorded(chosen: Method, body: Model, state: JointState, gravity: Array, schedule: Schedule) -> dict[str, float]:
-    """Seconds between the rounds of each recurrence, where rounds are recorded and done without the interpreter."""
+def _compiled(frame: Frame, names: Sequence[str]) -> dict[str, float]:
+    """Seconds between the rounds of each recurrence, where they are compiled."""
     from mp2a.mpi import MPI
+    from mp2a.program.compiled import CompiledProgram
     from mp2a.transport.link import MPILink
     from mp2a.transport.mpi import MPITransport
 
-    transport = MPITransport(MPILink(MPI.COMM_SELF), schedule)
-    transport.begin(state.samples, sound=True)
-    chosen.solve(body, state, gravity, schedule, transport)
-    transport.flush()
+    function = kernels.rounds()
+    if function is None:
+        return {}
+    program = CompiledProgram(function, frame, MPITransport(MPILink(MPI.COMM_SELF)))
     seconds = {}
-    for name, program in transport.programs.items():
-        if program is not None:
-            arithmetic, rounds = program.without_messages(), len(schedule.recurrence(name))
+    for name in dict.fromkeys(names):
+        arithmetic, rounds = program.arithmetic(name), names.count(name)
 
-            def once(arithmetic: Callable[[], int] = arithmetic, rounds: int = rounds) -> list[float]:
-                began = time.thread_time()
-                for _ in range(_CALLS):
-                    arithmetic()
-                return [(time.thread_time() - began) / (_CALLS * rounds)]
+        def once(arithmetic: Callable[[], int] = arithmetic, rounds: int = rounds) -> list[float]:
+            began = time.thread_time()
+            for _ in range(_CALLS):
+                arithmetic()
+            return [(time.thread_time() - began) / (_CALLS * rounds)]
 
-            seconds[name] = _medians(once)[0]
-    transport.close()
+        seconds[name] = _medians(once)[0]
+    program.free()
     return seconds
 
 
@@ -145,19 +155,26 @@ def as_seen_by(robot: int, schedule: Schedule) -> Schedule:
     return Schedule(1, tuple(rounds))
 
 
-class _Watch(LocalTransport):
-    """Notes when the driver asks for a round and when it goes on."""
+class _Watch:
+    """A transport that brings zeros at once, and notes when a round is asked for and when it goes on."""
 
-    def __init__(self, nodes: int) -> None:
-        super().__init__(nodes)
+    valid = True
+
+    def __init__(self) -> None:
         self.marks: list[float] = []
 
-    def exchange(self, round_: Round, outbox: Mapping[str, Array]) -> list[Arrival]:
+    def begin(self, tag: int, *, valid: bool) -> None:
+        """There is nothing to begin."""
+
+    def exchange(self, round_: Round, sends: Sequence[Parcel], receives: Sequence[Parcel]) -> None:
         """Note the time before and after."""
         self.marks.append(time.thread_time())
-        arrivals = super().exchange(round_, outbox)
+        for parcel in receives:
+            parcel.data.fill(0.0)
         self.marks.append(time.thread_time())
-        return arrivals
+
+    def flush(self) -> None:
+        """Nothing is in flight here."""
 
 
 class _Neighbours:
@@ -199,15 +216,13 @@ def _medians(once: Callable[[], list[float]]) -> list[float]:
     return [statistics.median(column) for column in zip(*runs, strict=True)]
 
 
-def _sorted(schedule: Schedule, gaps: list[float]) -> ComputeCosts:
-    """Sort the times before each round and after the last into costs."""
+def _sorted(names: Sequence[str], gaps: list[float]) -> ComputeCosts:
+    """Sort the times before each round and after the last into costs, by the rounds' recurrences."""
     start: dict[str, float] = {}
     between: dict[str, list[float]] = {}
-    for round_, gap in zip(schedule.rounds, gaps, strict=False):
-        if round_.recurrence in start:
-            between[round_.recurrence].append(gap)
+    for name, gap in zip(names, gaps, strict=False):
+        if name in start:
+            between[name].append(gap)
         else:
-            start[round_.recurrence], between[round_.recurrence] = gap, []
-    return ComputeCosts(
-        start, {name: statistics.median(gaps_between) for name, gaps_between in between.items()}, gaps[-1]
-    )
+            start[name], between[name] = gap, []
+    return ComputeCosts(start, {name: statistics.median(times) for name, times in between.items()}, gaps[-1])

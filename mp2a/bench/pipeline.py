@@ -6,7 +6,7 @@ import numpy as np
 
 from mp2a.joint_kinematics import joint_motion, joint_torque
 from mp2a.model import Model
-from mp2a.spatial import GRAVITY, Array, apply, cross, inertia_at_origin, motion_operator, skew, transpose
+from mp2a.spatial import Array, apply, cross, inertia_at_origin, motion_operator, skew, transpose
 from mp2a.transport.link import Link
 from mp2a.transport.wait import wait
 from mp2a.validation import JointState, check_state
@@ -63,7 +63,7 @@ class Pipeline:
             if self._rank > 0:
                 self._link.finish(self._link.receive(motion[cut], self._rank - 1, _MOTION))
             else:
-                motion[cut] = np.concatenate((np.zeros(9), -np.asarray(GRAVITY)))
+                motion[cut] = np.concatenate((np.zeros(9), -self.body.gravity))
             began = time.process_time()
             motion[cut] = apply(hop[cut], motion[cut]) + added[cut]
             if self._rank < self._last:

@@ -33,8 +33,7 @@ from mp2a.model import Model
 from mp2a.mpi import MPI
 from mp2a.reference import Reference
 from mp2a.spatial import Array
-from mp2a.transport.link import Link, make_link
-from mp2a.transport.link import measure as measure_link
+from mp2a.transport.link import Link, make_link, measure_latency
 from mp2a.transport.wait import wait
 
 _QUIET = 1.0
@@ -71,7 +70,7 @@ def measure_run(settings: BenchSettings, report: Callable[[str], None]) -> dict[
 
     link = make_link(comm, network)
     pipeline = Pipeline(link, model)
-    contenders: dict[str, Callable[..., Array]] = {name: _torque_of(f) for name, f in formations.items()}
+    contenders: dict[str, Callable[..., Array]] = {name: f.rnea for name, f in formations.items()}
     contenders |= {PIPELINE: pipeline.rnea, PIPELINE_BLOCKS: Pipeline(link, model, BLOCKS).rnea}
     if pinocchio_fits:
         contenders[GATHER_SCATTER] = GatherScatter(link, model, reference).rnea
@@ -119,10 +118,6 @@ def measure_run(settings: BenchSettings, report: Callable[[str], None]) -> dict[
         "modelled": _modelled(n, settings, constants),
         "constants": constants._asdict(),
     }
-
-
-def _torque_of(formation: DistributedModel) -> Callable[..., Array]:
-    return lambda *state: formation.rnea(*state).torque
 
 
 def _reference(model: Model) -> tuple[Reference | None, str | None]:
@@ -223,7 +218,7 @@ def _network(link: Link, settings: BenchSettings, measured: dict[str, dict[str, 
 def _ping_pong(link: Link, doubles: int) -> float:
     """Median one-way seconds of a message between ranks 0 and 1; 0 elsewhere."""
     barrier(link.comm)
-    times = measure_link(link, doubles, 20)
+    times = measure_latency(link, doubles, 20)
     if not times:
         time.sleep(_QUIET)  # and not in the barrier, where hundreds of ranks looking for it would be in the way
     barrier(link.comm)

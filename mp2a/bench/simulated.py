@@ -22,9 +22,12 @@ from mp2a.bench.simgrid import (
 )
 from mp2a.exceptions import DependencyError, InputError
 from mp2a.methods import METHODS
-from mp2a.schedule import FORCE, MOTION, SCHEDULES
+from mp2a.schedule import FORCE, MOTION, pipeline
 
 CONTENDERS = (PIPELINE, GATHER_SCATTER, *METHODS)
+SCHEDULES = {name: method.schedule for name, method in METHODS.items()} | {PIPELINE: pipeline}
+"""Who sends what to whom, by the name of the contender; all messages of gather and scatter go to one robot."""
+
 PIPELINE_DOUBLES = {MOTION: 12, FORCE: 6}
 GATHER_SCATTER_DOUBLES = (3, 1)
 """q, q̇ and q̈ of a joint with one degree of freedom on the way in, its torque on the way out."""

@@ -16,7 +16,7 @@ from mp2a.methods import METHODS
 from mp2a.model import Model
 from mp2a.mpi import MPI
 from mp2a.schedule import Schedule
-from mp2a.transport.trace import Event
+from mp2a.transport.trace import RoundTiming
 
 _WARM_UP = 5
 _ALIGN = 20
@@ -39,7 +39,7 @@ def trace_call(samples: int, seed: int, method: str) -> dict[str, Any] | None:
         everyone = comm.gather([(e.recurrence, e.round, e.posted - offset, e.done - offset) for e in span])
         if everyone is None:
             return None
-        events = [[Event(*event) for event in rank] for rank in everyone]
+        events = [[RoundTiming(*event) for event in rank] for rank in everyone]
         return {
             "traceEvents": trace_events(formation.schedule, METHODS[formation.method].doubles, events, samples),
             "displayTimeUnit": "ns",
@@ -65,7 +65,7 @@ def clock_offset(comm: MPI.Intracomm) -> int:
 
 
 def trace_events(
-    schedule: Schedule, doubles: Mapping[str, int], ranks: list[list[Event]], samples: int
+    schedule: Schedule, doubles: Mapping[str, int], ranks: list[list[RoundTiming]], samples: int
 ) -> list[dict[str, Any]]:
     """Spans and messages of a traced call; the first moment is 0, times are in µs.
 
@@ -88,7 +88,7 @@ def trace_events(
     return out + _messages(schedule, doubles, ranks, samples, origin)
 
 
-def _spans(rank: int, events: list[Event], origin: int) -> list[dict[str, Any]]:
+def _spans(rank: int, events: list[RoundTiming], origin: int) -> list[dict[str, Any]]:
     out = []
     for k, event in enumerate(events):
         name = f"{event.recurrence} round {event.round}"
@@ -100,7 +100,7 @@ def _spans(rank: int, events: list[Event], origin: int) -> list[dict[str, Any]]:
     return out
 
 
-def _span(rank: int, name: str, category: str, event: Event, start: int, end: int, origin: int) -> dict[str, Any]:
+def _span(rank: int, name: str, category: str, event: RoundTiming, start: int, end: int, origin: int) -> dict[str, Any]:
     return {
         **{"ph": "X", "pid": 0, "tid": rank, "name": name, "cat": category},
         **{"ts": (start - origin) / 1e3, "dur": (end - start) / 1e3},
@@ -109,7 +109,7 @@ def _span(rank: int, name: str, category: str, event: Event, start: int, end: in
 
 
 def _messages(
-    schedule: Schedule, doubles: Mapping[str, int], ranks: list[list[Event]], samples: int, origin: int
+    schedule: Schedule, doubles: Mapping[str, int], ranks: list[list[RoundTiming]], samples: int, origin: int
 ) -> list[dict[str, Any]]:
     moments = [{(e.recurrence, e.round): e for e in events} for events in ranks]
     out: list[dict[str, Any]] = []

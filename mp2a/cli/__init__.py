@@ -6,12 +6,13 @@ from collections.abc import Sequence
 
 from mp2a import __version__
 from mp2a.bench.settings import ERROR
-from mp2a.cli import bench, check, cost, drive, march, plot, schedule, trace
+from mp2a.cli import bench, check, cost, drive, march, plot, run, schedule, trace
 from mp2a.exceptions import DependencyError, InputError, OutputError
 from mp2a.mpi_environment import rank_info
 
 COMMANDS = {
-    module.__name__.rpartition(".")[2]: module for module in (bench, check, plot, cost, schedule, trace, march, drive)
+    module.__name__.rpartition(".")[2]: module
+    for module in (bench, check, plot, cost, schedule, trace, march, drive, run)
 }
 """The module of each subcommand, by its name."""
 _INTERRUPTED = 130

@@ -8,7 +8,7 @@ from mp2a.cli.options import WIDTH, bounded, command, progress, read_scenario, r
 from mp2a.exceptions import InputError
 
 if TYPE_CHECKING:
-    from mp2a.formation.choreography.check import Report
+    from mp2a.formation.choreography.check import CheckReport
 
 
 def add(commands: Any) -> None:
@@ -51,7 +51,7 @@ def _check(options: argparse.Namespace) -> int:
             "max_speed": options.max_speed, "margin": margin, "tell": lambda time: say(f"running, {time:.0f} s")
         }  # fmt: skip
         if options.world is None:
-            result = check.report(text, models, **common)
+            result = check.check(text, models, **common)
         else:
             from mp2a.simulator import read_world
             from mp2a.simulator.check import report_simulated
@@ -60,7 +60,7 @@ def _check(options: argparse.Namespace) -> int:
     return _print(result, options.file, "ideal" if options.world is None else "simulated")
 
 
-def _print(result: "Report", path: Path, kind: str) -> int:
+def _print(result: "CheckReport", path: Path, kind: str) -> int:
     from rich.console import Console
 
     serious = [finding for finding in result.findings if finding.serious]
@@ -76,7 +76,7 @@ def _print(result: "Report", path: Path, kind: str) -> int:
     return 1 if serious else 0
 
 
-def _timeline(result: "Report") -> Any:
+def _timeline(result: "CheckReport") -> Any:
     """Build the table of when each instruction began and ended, robots with the same times together."""
     from rich import box
     from rich.table import Table

@@ -13,7 +13,7 @@ from mp2a.formation.outcome import Outcome, status
 from mp2a.mpi_environment import under_mpi
 
 if TYPE_CHECKING:
-    from mp2a.formation.record import Record
+    from mp2a.formation.record import FormationRecord
     from mp2a.mpi import MPI
     from mp2a.simulator import Controller, Recording, RobotEvent, RunRecorder, Simulation
     from mp2a.simulator.driver import Ending, SimulationDriver
@@ -125,7 +125,7 @@ class _Part(NamedTuple):
     leader_paths: "list[Array]"
     events: "list[RobotEvent]"
     ending: "Ending"
-    record: "Record | None"
+    record: "FormationRecord | None"
 
     @classmethod
     def of(cls, driver: "SimulationDriver") -> "_Part":
@@ -141,7 +141,7 @@ def _agree(options: argparse.Namespace, comm: "MPI.Intracomm | None") -> "tuple[
     if comm is None:
         setup = set_up(options, None)
         return setup, _simulation(options, setup)
-    from mp2a.transport.mpi import raise_together
+    from mp2a.transport.agreement import raise_together
 
     own: Any = None
     simulation: Any = None
@@ -291,14 +291,14 @@ _WRITERS: "dict[str, Callable[[Recording, argparse.Namespace], Path]]" = {
 
 def _scan(parts: "list[_Part]", options: argparse.Namespace) -> Path:
     """Write what a march by dynamics keeps of its scan."""
-    from mp2a.formation.record import save, together
+    from mp2a.formation.record import join, save
 
     records = [part.record for part in parts if part.record is not None]
     about = {name: getattr(options, name) for name in _BY_DYNAMICS} | {
         "n": records[0].pose.shape[1] if len(records) == 1 else len(records), "method": options.method,
     }  # fmt: skip
     out = _named(options, "-scan.npz")
-    save(out, together(records), about)
+    save(out, join(records), about)
     return out
 
 

@@ -44,8 +44,8 @@ class ChoreographySetup(NamedTuple):
     @contextmanager
     def driver(self, comm: "MPI.Intracomm | None") -> "Iterator[SimulationDriver]":
         """Tie the robots here to the others by the scan, which tells them where their leaders are."""
+        from mp2a.formation.choreography.leader_broadcast import planar_chain
         from mp2a.formation.choreography.runner import Choreography
-        from mp2a.formation.choreography.telling import planar_chain
         from mp2a.simulator.choreography_driver import ChoreographySimulationDriver
 
         models = dict(zip(self.roles, self.models, strict=True))
@@ -69,11 +69,11 @@ class FormationSetup(NamedTuple):
     @contextmanager
     def driver(self, comm: "MPI.Intracomm | None") -> "Iterator[SimulationDriver]":
         """Tie the robots here to the others by the scan."""
-        from mp2a.formation.march import March
+        from mp2a.formation.controller import FormationController
         from mp2a.simulator.formation_driver import FormationSimulationDriver
 
         with _exchange(comm, self.formation.model, self.method) as exchange:
-            yield FormationSimulationDriver(March(self.formation, self.path, exchange), self.models[0])
+            yield FormationSimulationDriver(FormationController(self.formation, self.path, exchange), self.models[0])
 
 
 MarchSetup = ChoreographySetup | FormationSetup
@@ -83,15 +83,15 @@ MarchSetup = ChoreographySetup | FormationSetup
 def _exchange(comm: "MPI.Intracomm | None", model: "Model", method: str) -> "Iterator[Exchange]":
     """All robots here, or one a rank."""
     if comm is None:
-        from mp2a.formation.exchange import OneProcess
+        from mp2a.formation.exchange import LocalExchange
 
-        yield OneProcess(model, method)
+        yield LocalExchange(model, method)
         return
     from mp2a.distributed import DistributedModel
-    from mp2a.formation.ranks import OverRanks
+    from mp2a.formation.exchange import MPIExchange
 
     with DistributedModel(comm, model, method) as ranks:
-        yield OverRanks(ranks)
+        yield MPIExchange(ranks)
 
 
 def set_up(options: argparse.Namespace, ranks: int | None) -> MarchSetup:
@@ -109,15 +109,16 @@ def set_up(options: argparse.Namespace, ranks: int | None) -> MarchSetup:
 
 
 def _choreography(options: argparse.Namespace) -> ChoreographySetup:
-    from mp2a.formation.choreography.places import compose
+    from mp2a.formation.choreography.fleet import models
     from mp2a.formation.choreography.reading import parse
-    from mp2a.formation.choreography.runner import Choreography, models
+    from mp2a.formation.choreography.runner import Choreography
+    from mp2a.se2 import compose
 
     scenario = parse(read_scenario(options.file))
     chosen = models(scenario, robot_models(options.robots))
     choreography = Choreography(scenario, dict(zip(scenario.robots, chosen, strict=True)), options.max_speed)
     x, y, degrees = options.start
-    poses = compose(np.array([x, y, np.deg2rad(degrees)]), choreography.places())
+    poses = compose(np.array([x, y, np.deg2rad(degrees)]), choreography.slot_poses())
     seconds = options.seconds or _MOST_SECONDS
     return ChoreographySetup(
         scenario.robots, chosen, poses, seconds, scenario, choreography.max_speed, options.method
@@ -126,7 +127,7 @@ def _choreography(options: argparse.Namespace) -> ChoreographySetup:
 
 def _by_dynamics(options: argparse.Namespace, ranks: int | None) -> FormationSetup:
     from mp2a.formation import Formation, Limits, spline, waypoints
-    from mp2a.formation.choreography.constants import LEADER_SPEED_SHARE
+    from mp2a.formation.constants import LEADER_SPEED_SHARE
     from mp2a.formation.robot_models import RobotModel
     from mp2a.simulator.events import numbered
 

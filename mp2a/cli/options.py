@@ -42,8 +42,9 @@ def as_rank(run: Callable[[argparse.Namespace], T], options: argparse.Namespace)
     What only one rank does, after the last message, is better done outside: its errors are its own.
     """
     from mp2a.cores import restore_timer_slack
-    from mp2a.mpi import MPI
+    from mp2a.mpi import MPI, check_launcher
 
+    check_launcher()
     restore_timer_slack()
     try:
         return run(options)

@@ -24,7 +24,7 @@ def add(commands: Any) -> None:
 
 
 def _schedule(options: argparse.Namespace) -> None:
-    from mp2a.schedule import SCHEDULES
+    from mp2a.bench.simulated import SCHEDULES
     from mp2a.tables import Column, Table, show
 
     if options.method not in SCHEDULES:

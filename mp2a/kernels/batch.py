@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mp2a import cores, kernels
-from mp2a.kernels.kept import Kept
-from mp2a.kernels.library import Run
-from mp2a.kernels.plan import FORMATS, Format, Job, Plan, make_plan
-from mp2a.kernels.threads import CREW
+from mp2a.joint_kinematics import BaseMotion
+from mp2a.kernels.library import Kernel
+from mp2a.kernels.model_cache import ModelCache
+from mp2a.kernels.tables import NUMBER_FORMATS, KernelJob, ModelTables, NumberFormat, make_tables
+from mp2a.kernels.thread_pool import THREAD_POOL
 from mp2a.model import Model
 from mp2a.spatial import Array
 from mp2a.validation import JointState
@@ -22,10 +23,10 @@ _WORTH_A_THREAD = 5_000
 _FEWEST_PIECES, _PIECES = 2, 8
 """Pieces of the work for each thread, so that one that is held up leaves some to the others."""
 
-_PLANS: Kept[Plan] = Kept()
+_TABLES: ModelCache[ModelTables] = ModelCache()
 
 
-class Result(NamedTuple):
+class KernelResult(NamedTuple):
     """What the recursion gives."""
 
     torque: Array
@@ -34,23 +35,29 @@ class Result(NamedTuple):
     """``(T, n, 18)``: velocity, acceleration and force of each body, if asked for."""
     root: Array
     """``(6, T)``: wrench that the chain puts on its base, about the base's origin and in its frame."""
-    sound: bool
+    valid: bool
     """Whether every sample is as it should be; else some input is not finite, a quaternion not of length 1, an angle
     too large for the kernel, or a result not finite."""
 
 
-class Segment(NamedTuple):
-    """What the bodies of a chain amount to."""
+class BlockReduction(NamedTuple):
+    """What the bodies of a chain amount to together."""
 
     path: Array
     """From what the chain hangs on to the last body, ``(T, 24)``, as `mp2a.algebra.motion` has it."""
-    load: Array | None
+    inertia: Array | None
     """About what the chain hangs on, ``(T, 28)``, as `mp2a.algebra.inertia` has it, if asked for."""
-    sound: bool
-    """As in `Result`, where the numbers can be told from a path."""
+    valid: bool
+    """As in `KernelResult`, where the numbers can be told from a path."""
 
 
-def recursion(
+def pack_base(base: BaseMotion) -> Array:
+    """Motion of a base in the order of the kernels, ``(12,)`` or ``(T, 12)``: ω, ω̇, v̇, v."""
+    velocity, acceleration = np.broadcast_arrays(*base)
+    return np.concatenate((velocity[..., :3], acceleration, velocity[..., 3:]), axis=-1)
+
+
+def rnea(
     model: Model,
     state: JointState,
     base: Array,
@@ -61,8 +68,8 @@ def recursion(
     dtype: np.dtype | type = np.float64,
     out: Array | None = None,
     rows: Array | None = None,
-) -> Result | None:
-    """Inverse dynamics of many samples; see `mp2a.kernels.recursion`.
+) -> KernelResult | None:
+    """Inverse dynamics of many samples; see `mp2a.kernels.rnea`.
 
     Parameters
     ----------
@@ -71,8 +78,7 @@ def recursion(
     state
         Input of the right shapes; the kernel notices by itself if its numbers are not what they should be.
     base
-        Motion of the base, ``(12,)`` or ``(T, 12)``: angular velocity, angular acceleration, acceleration less gravity
-        and velocity of its origin.
+        Motion of the base as `pack_base` packs it, ``(12,)`` or ``(T, 12)``.
     tip
         Wrench from outside on the last body, in its frame about its origin, ``(T, 6)``.
     bodies
@@ -84,63 +90,65 @@ def recursion(
     out
         Where to put the torque, ``(T, nv)`` of this format, if it is laid out as the input and does not overlap it.
     rows
-        Where to put motion and force of the bodies, ``(T, n, 18)`` of this format.
+        Where to put motion and force of the bodies, ``(T, n, 18)`` of this format, if it does not overlap the input.
 
     Returns
     -------
-    Result or None
+    KernelResult or None
         None if there are no compiled kernels.
     """
-    form = FORMATS[np.dtype(dtype)]
+    form = NUMBER_FORMATS[np.dtype(dtype)]
     run = kernels.compiled(f"rnea_{form.name}" + ("_bodies" if bodies else ""))
     if run is None:
         return None
-    samples, given = state.samples, _input(state, form)
+    samples, inputs = state.samples, _input(state, form)
     torque = out
-    if torque is None or not _fits(torque, given.columnwise) or any(np.may_share_memory(torque, x) for x in given.held):
-        torque = np.empty((samples, model.nv), form.dtype, order="F" if given.columnwise else "C")
+    if torque is None or not _fits(torque, inputs.columnwise) or _overlaps(torque, inputs):
+        torque = np.empty((samples, model.nv), form.dtype, order="F" if inputs.columnwise else "C")
     base = np.ascontiguousarray(base, form.dtype)
     tip = np.zeros(6, form.dtype) if tip is None else np.ascontiguousarray(tip, form.dtype)
     padded = -(-samples // form.lanes) * form.lanes
     output = rows
-    if output is None or not output.flags.c_contiguous:
+    if output is None or not output.flags.c_contiguous or _overlaps(output, inputs):
         output = np.empty((samples, len(model), 18) if bodies else 0, form.dtype)
     root = np.empty((6, padded), form.dtype)
     at = kernels.pointer
     ends = at(base), 12 * (base.ndim - 1), at(tip), 6 * (tip.ndim - 1)
-    results = at(torque), _stride(torque, given.columnwise), at(output), padded, at(root), 0
-    sound = _run(run, model, given, ends, results, form, threads, bodies=bodies)
-    return Result(torque, output if bodies else None, root[:, :samples], sound)
+    results = at(torque), _stride(torque, inputs.columnwise), at(output), padded, at(root), 0
+    valid = _run(run, model, inputs, ends, results, form, threads, bodies=bodies)
+    return KernelResult(torque, output if bodies else None, root[:, :samples], valid)
 
 
-def segment(model: Model, state: JointState, *, load: bool, threads: int | None = None) -> Segment | None:
-    """Put the bodies of a serial chain together; see `mp2a.kernels.reach`.
+def reduce_block(
+    model: Model, state: JointState, *, inertia: bool, threads: int | None = None
+) -> BlockReduction | None:
+    """Put the bodies of a serial chain together; see `mp2a.kernels.reduce_block`.
 
     Parameters
     ----------
     model, state, threads
-        As `recursion` takes them.
-    load
-        Whether the load is asked for, not the path alone.
+        As `rnea` takes them.
+    inertia
+        Whether the composite inertia is asked for, not the path alone.
 
     Returns
     -------
-    Segment or None
+    BlockReduction or None
         None if there are no compiled kernels.
     """
-    run, form = kernels.compiled("reach"), FORMATS[np.dtype(np.float64)]
+    run, form = kernels.compiled("reduce_block"), NUMBER_FORMATS[np.dtype(np.float64)]
     if run is None:
         return None
-    samples, given = state.samples, _input(state, form)
+    samples, inputs = state.samples, _input(state, form)
     padded = -(-samples // form.lanes) * form.lanes
-    path, below = np.empty((24, padded)), np.empty((28, padded)) if load else None
+    path, below = np.empty((24, padded)), np.empty((28, padded)) if inertia else None
     at = kernels.pointer
     # The kernel has no torque to write, but looks where it would be.
-    results = at(given.held[0]), 0, at(path), padded, 0 if below is None else at(below), 0
-    sound = _run(run, model, given, (0, 0, 0, 0), results, form, threads, bodies=False)
+    results = at(inputs.held[0]), 0, at(path), padded, 0 if below is None else at(below), 0
+    valid = _run(run, model, inputs, (0, 0, 0, 0), results, form, threads, bodies=False)
     whole, under = (None if x is None else np.ascontiguousarray(x[:, :samples].T) for x in (path, below))
     assert whole is not None
-    return Segment(whole, under, sound)
+    return BlockReduction(whole, under, valid)
 
 
 class _Input(NamedTuple):
@@ -148,12 +156,12 @@ class _Input(NamedTuple):
 
     columnwise: bool
     numbers: tuple[int, ...]
-    """Of a `Job`, from ``external`` to ``a_stride``."""
+    """Of a `KernelJob`, from ``external`` to ``a_stride``."""
     held: tuple[Array, ...]
     """Arrays that have to live as long as the job: q, v, a, and the external wrenches if there are any."""
 
 
-def _input(state: JointState, form: Format) -> _Input:
+def _input(state: JointState, form: NumberFormat) -> _Input:
     columnwise = state.samples >= form.lanes and all(_fits(x, True) for x in (state.q, state.v, state.a))
     held = tuple(_laid_out(x, form.dtype, columnwise) for x in (state.q, state.v, state.a))
     places: tuple[int, ...] = (0, 0, 0)
@@ -164,27 +172,34 @@ def _input(state: JointState, form: Format) -> _Input:
     return _Input(columnwise, (*places, *strided), held)
 
 
+def _overlaps(result: Array, inputs: _Input) -> bool:
+    """Tell whether a kernel that writes a result might write over what it has yet to read."""
+    return any(np.may_share_memory(result, x) for x in inputs.held)
+
+
 def _run(
-    run: Run, model: Model, given: _Input, ends: tuple[int, ...], results: tuple[int, ...], form: Format,
+    run: Kernel, model: Model, inputs: _Input, ends: tuple[int, ...], results: tuple[int, ...], form: NumberFormat,
     threads: int | None, *, bodies: bool,
 ) -> bool:  # fmt: skip
-    """Run a kernel in some threads; tells whether all samples are sound."""
-    samples = len(given.held[0])
+    """Run a kernel in some threads; tells whether all samples are valid."""
+    samples = len(inputs.held[0])
     chunks, work_there_is = -(-samples // form.lanes), len(model) * samples
     threads = _threads(threads, work_there_is, chunks)
     pieces = min(chunks, threads * max(_FEWEST_PIECES, min(_PIECES, work_there_is // (threads * _WORTH_A_THREAD))))
     at = kernels.pointer
-    plan = _PLANS.get(model, (form.name, bodies), lambda: make_plan(model, form, bodies=bodies))
-    tables = at(plan.hot), at(plan.frames), at(plan.topology)
-    sizes = len(model), samples, model.nq, model.nv, given.columnwise
-    job: NDArray[np.int64] = np.array(Job._make((*sizes, *tables, *ends, *given.numbers, *results)), dtype=np.int64)
-    return CREW.run(run, job, chunks, pieces, np.empty((threads, plan.scratch), form.dtype))
+    tables = _TABLES.get(model, (form.name, bodies), lambda: make_tables(model, form, bodies=bodies))
+    constants = at(tables.body_constants), at(tables.frame_constants), at(tables.topology)
+    sizes = len(model), samples, model.nq, model.nv, inputs.columnwise
+    job: NDArray[np.int64] = np.array(
+        KernelJob._make((*sizes, *constants, *ends, *inputs.numbers, *results)), dtype=np.int64
+    )
+    return THREAD_POOL.run(run, job, chunks, pieces, np.empty((threads, tables.scratch), form.dtype))
 
 
-def _threads(asked: int | None, work: int, chunks: int) -> int:
-    if asked is None:
-        asked = min(cores.threads_per_rank(), work // _WORTH_A_THREAD) if work >= 2 * _WORTH_A_THREAD else 1
-    return max(1, min(asked, chunks))
+def _threads(requested: int | None, work: int, chunks: int) -> int:
+    if requested is None:
+        requested = min(cores.threads_per_rank(), work // _WORTH_A_THREAD) if work >= 2 * _WORTH_A_THREAD else 1
+    return max(1, min(requested, chunks))
 
 
 def _fits(array: Array, columnwise: bool) -> bool:

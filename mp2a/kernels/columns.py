@@ -6,11 +6,10 @@ are needed. Only building the kernels imports this module.
 
 from typing import Any
 
-import numba
-
 from mp2a.kernels.lanes import Real
-from mp2a.kernels.plan import AT, Q_COLUMN, TOPOLOGY, V_COLUMN
-from mp2a.kernels.squares import turn_in
+from mp2a.kernels.primitives import compiled
+from mp2a.kernels.tables import AT, Q_COLUMN, TOPOLOGY, V_COLUMN
+from mp2a.kernels.transposition import transpose_in
 
 _MOST_Q, _MOST_V = 7, 6
 """Columns of a body."""
@@ -24,9 +23,9 @@ def columns(real: Real) -> Any:
     lanes, ring = real.lanes, 2 * real.lanes
     there, ahead = real.there(), real.ahead()
 
-    @numba.njit(forceinline=True)
+    @compiled
     def views(job: Any, memory: Any, begin: Any) -> Any:
-        found = (
+        places = (
             (memory, ring - 1, lanes),
             (ahead(memory, ring * lanes), ring - 1, lanes),
             (ahead(memory, 2 * ring * lanes), ring - 1, lanes),
@@ -35,26 +34,26 @@ def columns(real: Real) -> Any:
         if job[AT.columnwise]:
             # The last chunk may begin a little earlier and do some samples again.
             begin = min(begin, job[AT.samples] - lanes)
-            found = (
+            places = (
                 (ahead(there(job[AT.q]), begin), -1, job[AT.q_stride]),
                 (ahead(there(job[AT.v]), begin), -1, job[AT.v_stride]),
                 (ahead(there(job[AT.a]), begin), -1, job[AT.a_stride]),
                 (ahead(there(job[AT.torque]), begin), -1, job[AT.torque_stride]),
             )
-        return found, begin
+        return places, begin
 
     return views
 
 
-def stage(real: Real) -> Any:
+def prefetch_columns(real: Real) -> Any:
     """Make ``f(job, i, topology, views, begin, ready)``: have the columns of body i in the rings.
 
     ``ready`` is how many columns of q, and of v and a, are there; returned as it is after.
     """
     lanes, ring = real.lanes, 2 * real.lanes
-    there, fill = real.there(), turn_in(real)
+    there, fill = real.there(), transpose_in(real)
 
-    @numba.njit(forceinline=True)
+    @compiled
     def staged(job: Any, i: Any, topology: Any, views: Any, begin: Any, ready: Any) -> Any:
         final, nq, nv = job[AT.samples] - 1, job[AT.nq], job[AT.nv]
         row = i * TOPOLOGY

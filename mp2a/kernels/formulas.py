@@ -1,5 +1,7 @@
 """Formulas of segments; what they mean stands in `mp2a.algebra.motion` and `mp2a.algebra.inertia`."""
 
+from typing import Any
+
 from mp2a.kernels.algebra import (
     Numbers,
     add,
@@ -36,49 +38,66 @@ def compose(upper: Numbers, lower: Numbers) -> Numbers:
 
 
 def force_of(
-    load: Numbers, w: Numbers, v: Numbers, dw: Numbers, a: Numbers
+    composite: Numbers, w: Numbers, v: Numbers, dw: Numbers, a: Numbers
 ) -> tuple[Numbers, Numbers, Numbers, Numbers]:
     """Return momentum, spin, and the force in two parts."""
-    m, h, j = load[0], load[1:4], load[4:10]
+    m, h, j = composite[0], composite[1:4], composite[4:10]
     momentum = scaled(cross(w, h), v, m)
     spin = add(apply_symmetric(j, w), cross(h, v))
-    doubled = add(momentum, add(load[25:28], load[25:28]))
-    linear = add(scaled(cross(dw, h), a, m), add(cross(w, doubled), load[13:16]))
+    doubled = add(momentum, add(composite[25:28], composite[25:28]))
+    linear = add(scaled(cross(dw, h), a, m), add(cross(w, doubled), composite[13:16]))
     angular = add(apply_symmetric(j, dw), cross(h, a))
-    angular = add(angular, apply_symmetric(load[16:22], w))
-    angular = add(angular, cross(w, add(load[22:25], spin)))
-    angular = add(angular, add(cross(v, momentum), load[10:13]))
+    angular = add(angular, apply_symmetric(composite[16:22], w))
+    angular = add(angular, cross(w, add(composite[22:25], spin)))
+    angular = add(angular, add(cross(v, momentum), composite[10:13]))
     return momentum, spin, angular, linear
 
 
-def force(load: Numbers, velocity: Numbers, acceleration: Numbers) -> Numbers:
-    """Force that a load takes."""
-    _, _, angular, linear = force_of(load, velocity[0:3], velocity[3:6], acceleration[0:3], acceleration[3:6])
+def force(composite: Numbers, velocity: Numbers, acceleration: Numbers) -> Numbers:
+    """Return the force that a composite inertia takes."""
+    _, _, angular, linear = force_of(composite, velocity[0:3], velocity[3:6], acceleration[0:3], acceleration[3:6])
     return angular + linear
 
 
-def carry(path: Numbers, force: Numbers) -> Numbers:
+def transform_force(path: Numbers, force: Numbers) -> Numbers:
     """Take a force from the lower to the upper end of a path."""
     linear = apply(path[0:9], force[3:6])
     return add(apply(path[0:9], force[0:3]), cross(path[9:12], linear)) + linear
 
 
-def move(load: Numbers, path: Numbers) -> Numbers:
-    """Take a load from the lower to the upper end of a path."""
-    m, h, j = load[0], load[1:4], load[4:10]
+def transform(composite: Numbers, path: Numbers) -> Numbers:
+    """Take a composite inertia from the lower to the upper end of a path."""
+    m, h, j = composite[0], composite[1:4], composite[4:10]
     r, p, w, v = path[0:9], path[9:12], path[12:15], path[15:18]
-    momentum, spin, angular_force, linear_force = force_of(load, w, v, path[18:21], path[21:24])
-    rate = add_symmetric(load[16:22], add_symmetric(twice_turning(w, j), minus_twice(h, v)))
+    momentum, spin, angular_force, linear_force = force_of(composite, w, v, path[18:21], path[21:24])
+    rate = add_symmetric(composite[16:22], add_symmetric(twice_turning(w, j), minus_twice(h, v)))
     h = apply(r, h)
-    linear = apply(r, add(load[25:28], momentum))
-    angular = apply(r, add(load[22:25], spin))
+    linear = apply(r, add(composite[25:28], momentum))
+    angular = apply(r, add(composite[22:25], spin))
     middle = scaled(h, p, 0.5 * m)
     rest = (
         scaled(h, p, m)
         + add_symmetric(turned(r, j), minus_twice(p, middle))
-        + carry(path, angular_force + linear_force)
+        + transform_force(path, angular_force + linear_force)
         + add_symmetric(turned(r, rate), minus_twice(p, linear))
         + add(angular, cross(p, linear))
         + linear
     )
     return m, *rest
+
+
+def matrix_product(a: Numbers, b: Numbers) -> Numbers:
+    """Return ``a b`` of 6x6 matrices, row by row."""
+    return tuple(_dot(a[6 * i : 6 * i + 6], b[j::6]) for i in range(6) for j in range(6))
+
+
+def push(a: Numbers, x: Numbers, y: Numbers) -> Numbers:
+    """Return ``a x + y`` with a 6x6 matrix."""
+    return tuple(_dot(a[6 * i : 6 * i + 6], x) + y[i] for i in range(6))
+
+
+def _dot(a: Numbers, b: Numbers) -> Any:
+    total = a[0] * b[0]
+    for x, y in zip(a[1:], b[1:], strict=True):
+        total = total + x * y
+    return total

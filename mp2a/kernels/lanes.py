@@ -18,8 +18,8 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, register_model
 
-from mp2a.kernels.plan import CACHE_LINE
 from mp2a.kernels.symbols import INDEX, Formula, Symbol, read, splat, write
+from mp2a.kernels.tables import CACHE_LINE
 
 
 class Vector(types.Type):
@@ -117,9 +117,9 @@ class Real:
 
         return store
 
-    def record(self, count: int, *, lanewise: bool = False) -> Any:
-        """``record(pointer, place)``: tuple of ``count`` numbers; with ``lanewise`` of vectors, one for each lane's."""
-        kind = self.vector if lanewise else self.kind
+    def record(self, count: int, *, per_lane: bool = False) -> Any:
+        """``record(pointer, place)``: tuple of ``count`` numbers; with ``per_lane`` of vectors, one for each lane's."""
+        kind = self.vector if per_lane else self.kind
         lanes = self.lanes
 
         @intrinsic
@@ -128,7 +128,7 @@ class Real:
 
             def emit(context: Any, builder: Any, form: Any, arguments: Sequence[Any]) -> Any:
                 pointer, place = arguments
-                if lanewise:
+                if per_lane:
                     start = builder.gep(pointer, [builder.mul(place, ir.Constant(INDEX, lanes))])
                     numbers = [read(builder, start, i * lanes, lanes) for i in range(count)]
                 else:

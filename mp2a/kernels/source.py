@@ -3,14 +3,15 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numba
-
 from mp2a.kernels import formulas
+from mp2a.kernels.elementwise import elementwise
 from mp2a.kernels.lanes import DOUBLE, SINGLE
-from mp2a.kernels.reach import reach
-from mp2a.kernels.recursion import recursion
-from mp2a.kernels.samplewise import samplewise
+from mp2a.kernels.primitives import compiled
+from mp2a.kernels.reduce_block import reduce_block
+from mp2a.kernels.replay import replay
+from mp2a.kernels.rnea import rnea
 from mp2a.kernels.symbols import LANES, Formula
+from mp2a.kernels.worker import run, worker
 
 
 def _kernel(formula: Formula, columns: Sequence[int]) -> Callable[..., None]:
@@ -22,10 +23,10 @@ def _kernel(formula: Formula, columns: Sequence[int]) -> Callable[..., None]:
         ``f(count, out, *inputs)`` for numba, with the number of samples and, for each array of ``(count, columns)``
         doubles, the address of a pointer to it.
     """
-    block, single = samplewise(formula, columns, block=True), samplewise(formula, columns, block=False)
+    block, single = elementwise(formula, columns, block=True), elementwise(formula, columns, block=False)
 
-    @numba.njit(forceinline=True)
-    def run(count: Any, out: Any, inputs: Any) -> None:
+    @compiled
+    def loop(count: Any, out: Any, inputs: Any) -> None:
         full = count - count % LANES
         for row in range(0, full, LANES):
             block(out, inputs, row)
@@ -33,10 +34,10 @@ def _kernel(formula: Formula, columns: Sequence[int]) -> Callable[..., None]:
             single(out, inputs, row)
 
     def two(count: Any, out: Any, a: Any, b: Any) -> None:
-        run(count, out[0], (a[0], b[0]))
+        loop(count, out[0], (a[0], b[0]))
 
     def three(count: Any, out: Any, a: Any, b: Any, c: Any) -> None:
-        run(count, out[0], (a[0], b[0], c[0]))
+        loop(count, out[0], (a[0], b[0], c[0]))
 
     entries: dict[int, Callable[..., None]] = {2: two, 3: three}
     return entries[len(columns)]
@@ -44,16 +45,21 @@ def _kernel(formula: Formula, columns: Sequence[int]) -> Callable[..., None]:
 
 KERNELS = {
     "compose": _kernel(formulas.compose, (24, 24)),
-    "move": _kernel(formulas.move, (28, 24)),
+    "transform": _kernel(formulas.transform, (28, 24)),
     "force": _kernel(formulas.force, (28, 6, 6)),
-    "carry": _kernel(formulas.carry, (24, 6)),
-    "rnea_double": recursion(DOUBLE, bodies=False),
-    "rnea_double_bodies": recursion(DOUBLE, bodies=True),
-    "rnea_lanes": recursion(DOUBLE, bodies=False, lanewise=True),
-    "rnea_lanes_bodies": recursion(DOUBLE, bodies=True, lanewise=True),
-    "reach": reach(DOUBLE),
-    "reach_lanes": reach(DOUBLE, lanewise=True),
-    "rnea_single": recursion(SINGLE, bodies=False),
-    "rnea_single_bodies": recursion(SINGLE, bodies=True),
+    "transform_force": _kernel(formulas.transform_force, (24, 6)),
+    "product": _kernel(formulas.matrix_product, (36, 36)),
+    "push": _kernel(formulas.push, (36, 6, 6)),
+    "rnea_double": rnea(DOUBLE, bodies=False),
+    "rnea_double_bodies": rnea(DOUBLE, bodies=True),
+    "rnea_lanes": rnea(DOUBLE, bodies=False, per_lane=True),
+    "rnea_lanes_bodies": rnea(DOUBLE, bodies=True, per_lane=True),
+    "reduce_block": reduce_block(DOUBLE),
+    "reduce_block_lanes": reduce_block(DOUBLE, per_lane=True),
+    "rnea_single": rnea(SINGLE, bodies=False),
+    "rnea_single_bodies": rnea(SINGLE, bodies=True),
+    "replay": replay,
+    "pool_worker": worker,
+    "pool_run": run,
 }
-"""What the shared object holds, by name."""
+"""What is compiled, by name."""

@@ -3,7 +3,7 @@
 A state is what a body moves with, in its own frame: angular velocity, angular acceleration, acceleration of its origin
 (classical, with gravity in it as that of the base), where it is asked for the origin's velocity, and where a path is
 asked for the rotation from the body to where the path starts, row by row, and its place there: 9, 12 or 24 numbers.
-A wrench is a torque and a force, 6 numbers. The frames are those of `mp2a.kernels.plan`: a joint with one degree of
+A wrench is a torque and a force, 6 numbers. The frames are those of `mp2a.kernels.tables`: a joint with one degree of
 freedom has z as its axis, and its body is turned against its parent about x by a constant angle, then about z.
 
 A ``turn`` is (sine, cosine) of the angle about z and (cosine, sine) of the one about x.
@@ -27,19 +27,20 @@ from mp2a.kernels.algebra import (
     scaled,
     sub,
 )
-from mp2a.kernels.formulas import carry, move
+from mp2a.kernels.formulas import transform, transform_force
 from mp2a.kernels.symbols import Symbol
 from mp2a.kernels.trigonometry import largest_angle, sine_and_cosine
+from mp2a.spatial import quaternion_matrix
 
 
-def _inwards(turn: Numbers, x: Numbers) -> Numbers:
+def _to_parent(turn: Numbers, x: Numbers) -> Numbers:
     """Vector of the body in the parent's frame."""
     sine, cosine, cosine_x, sine_x = turn
     y = sine * x[0] + cosine * x[1]
     return cosine * x[0] - sine * x[1], cosine_x * y - sine_x * x[2], sine_x * y + cosine_x * x[2]
 
 
-def _outwards(turn: Numbers, x: Numbers) -> Numbers:
+def _to_body(turn: Numbers, x: Numbers) -> Numbers:
     """Vector of the parent in the body's frame."""
     sine, cosine, cosine_x, sine_x = turn
     y = cosine_x * x[1] + sine_x * x[2]
@@ -54,11 +55,11 @@ def _follow(state: Numbers, place: Numbers, into: Callable[[Numbers], Numbers]) 
     """Motion of the parent at a place in its frame, turned into the body's: w, dw, a, v (or none), the rest."""
     w, dw, a, *more = _parts(state)
     v, rows, at = more[:1], more[1:4], state[21:]
-    reach = cross(w, place)
-    a = add(a, add(cross(dw, place), cross(w, reach)))
+    swept = cross(w, place)
+    a = add(a, add(cross(dw, place), cross(w, swept)))
     along = [row[0] * place[0] + row[1] * place[1] + row[2] * place[2] for row in rows]
     rest = [*(into(row) for row in rows), *(number + step for number, step in zip(at, along, strict=True))]
-    return into(w), into(dw), into(a), [into(add(x, reach)) for x in v], rest
+    return into(w), into(dw), into(a), [into(add(x, swept)) for x in v], rest
 
 
 def angle(q: Symbol, offset: Symbol) -> tuple[Symbol, Symbol]:
@@ -96,14 +97,14 @@ def join(wrench: Numbers, offset: Numbers) -> tuple[Numbers, ...]:
 
 def revolute(state: Numbers, turn: Numbers, place: Numbers, rate: Symbol, growth: Symbol) -> tuple[Numbers, ...]:
     """State of a body that turns about z."""
-    w, dw, a, v, rest = _follow(state, place, partial(_outwards, turn))
+    w, dw, a, v, rest = _follow(state, place, partial(_to_body, turn))
     dw = dw[0] + w[1] * rate, dw[1] - w[0] * rate, dw[2] + growth
     return (w[0], w[1], w[2] + rate), dw, a, *v, *rest
 
 
 def prismatic(state: Numbers, turn: Numbers, place: Numbers, rate: Symbol, growth: Symbol) -> tuple[Numbers, ...]:
     """State of a body that slides along z."""
-    w, dw, a, v, rest = _follow(state, place, partial(_outwards, turn))
+    w, dw, a, v, rest = _follow(state, place, partial(_to_body, turn))
     a = a[0] + 2.0 * w[1] * rate, a[1] - 2.0 * w[0] * rate, a[2] + growth
     return w, dw, a, *((x[0], x[1], x[2] + rate) for x in v), *rest
 
@@ -112,7 +113,7 @@ def screw(
     state: Numbers, turn: Numbers, place: Numbers, rate: Symbol, growth: Symbol, shares: Numbers
 ) -> tuple[Numbers, ...]:
     """State of a body that turns about z and slides along it by shares, one of which is 1 and the other 0."""
-    w, dw, a, v, rest = _follow(state, place, partial(_outwards, turn))
+    w, dw, a, v, rest = _follow(state, place, partial(_to_body, turn))
     turning, sliding = shares[0] * rate, shares[1] * rate
     dw = dw[0] + w[1] * turning, dw[1] - w[0] * turning, dw[2] + shares[0] * growth
     a = a[0] + 2.0 * w[1] * sliding, a[1] - 2.0 * w[0] * sliding, a[2] + shares[1] * growth
@@ -125,38 +126,38 @@ def no_path(zero: Symbol) -> Numbers:
     return (zero,) * 12 + (one, zero, zero, zero, one, zero, zero, zero, one) + (zero,) * 3
 
 
-def no_load(zero: Symbol) -> Numbers:
-    """Load of no body."""
+def no_composite(zero: Symbol) -> Numbers:
+    """Return the composite inertia of no body."""
     return (zero,) * 28
 
 
-def load_of(path: Numbers, mass: Symbol, moment: Numbers, inertia: Numbers) -> Numbers:
-    """Load of a body about the start of the path to it."""
+def composite_of(path: Numbers, mass: Symbol, moment: Numbers, inertia: Numbers) -> Numbers:
+    """Return the composite inertia of a body about the start of the path to it."""
     w, v = path[0:3], path[9:12]
     spatial = sub(path[6:9], cross(w, v))
-    return move((mass, *moment, *inertia, *(ZERO,) * 18), (*path[12:24], *w, *v, *path[3:6], *spatial))
+    return transform((mass, *moment, *inertia, *(ZERO,) * 18), (*path[12:24], *w, *v, *path[3:6], *spatial))
 
 
-def pushed(load: Numbers, path: Numbers, external: Numbers, rotation: Numbers) -> Numbers:
-    """Load with a wrench from outside on the body at the path's end, in the user's frame of it."""
+def with_external(composite: Numbers, path: Numbers, external: Numbers, rotation: Numbers) -> Numbers:
+    """Add to a composite inertia a wrench from outside on the body at the path's end, in the user's frame of it."""
     turned_back = tuple(number for x in _parts(external) for number in apply_transposed(rotation, x))
-    wrench = carry(path[12:24], turned_back)
-    return *load[:10], *(have - more for have, more in zip(load[10:16], wrench, strict=True)), *load[16:]
+    wrench = transform_force(path[12:24], turned_back)
+    return *composite[:10], *(have - more for have, more in zip(composite[10:16], wrench, strict=True)), *composite[16:]
 
 
-def reached(path: Numbers, rotation: Numbers) -> Numbers:
+def path_to_user_frame(path: Numbers, rotation: Numbers) -> Numbers:
     """Path as `mp2a.algebra.motion` has it, to the user's frame of the body at its end."""
     turned = tuple(number for x in _parts(path[0:21]) for number in apply(rotation, x))
-    return ended((*turned, *path[21:24]))
+    return path_to_table_frame((*turned, *path[21:24]))
 
 
-def ended(path: Numbers) -> Numbers:
+def path_to_table_frame(path: Numbers) -> Numbers:
     """Path as `mp2a.algebra.motion` has it, to the frame of the tables."""
     w, dw, a, v = _parts(path[0:12])
     return *path[12:24], *w, *v, *dw, *sub(a, cross(w, v))
 
 
-def share(x: Symbol, part: Symbol) -> Symbol:
+def fraction(x: Symbol, part: Symbol) -> Symbol:
     """Part of a number."""
     return x * part
 
@@ -184,13 +185,13 @@ def wrench(state: Numbers, mass: Symbol, moment: Numbers, inertia: Numbers) -> t
     return torque, scaled(add(cross(dw, moment), cross(w, cross(w, moment))), a, mass)
 
 
-def wrench_inwards(wrench: Numbers, turn: Numbers, place: Numbers) -> tuple[Numbers, ...]:
+def wrench_to_parent(wrench: Numbers, turn: Numbers, place: Numbers) -> tuple[Numbers, ...]:
     """Wrench on a body with one degree of freedom, taken to its parent."""
-    torque, force = (_inwards(turn, x) for x in _parts(wrench))
+    torque, force = (_to_parent(turn, x) for x in _parts(wrench))
     return add(torque, cross(place, force)), force
 
 
-def general_inwards(wrench: Numbers, rotation: Numbers, place: Numbers) -> tuple[Numbers, ...]:
+def general_wrench_to_parent(wrench: Numbers, rotation: Numbers, place: Numbers) -> tuple[Numbers, ...]:
     """Wrench on a body with any rotation, taken to its parent."""
     torque, force = (apply(rotation, x) for x in _parts(wrench))
     return add(torque, cross(place, force)), force
@@ -218,17 +219,6 @@ def total(a: Numbers, b: Numbers) -> Numbers:
     return tuple(x + y for x, y in zip(a, b, strict=True))
 
 
-def _quaternion(q: Numbers) -> Numbers:
-    """Rotation of a quaternion x, y, z, w, as Eigen's ``toRotationMatrix``."""
-    x, y, z, w = q
-    tx, ty, tz = x + x, y + y, z + z
-    return (
-        1.0 - (ty * y + tz * z), tx * y - tz * w, tx * z + ty * w,
-        tx * y + tz * w, 1.0 - (tx * x + tz * z), ty * z - tx * w,
-        tx * z - ty * w, ty * z + tx * w, 1.0 - (tx * x + ty * y),
-    )  # fmt: skip
-
-
 def planar(q: Numbers, frame: Numbers, place: Numbers) -> tuple[Numbers, ...]:
     """Rotation and place of a planar joint's body, q = x, y, cosine, sine."""
     x, y, c, s = q
@@ -242,12 +232,12 @@ def planar(q: Numbers, frame: Numbers, place: Numbers) -> tuple[Numbers, ...]:
 
 def spherical(q: Numbers, frame: Numbers, place: Numbers) -> tuple[Numbers, ...]:
     """Rotation and place of a spherical joint's body."""
-    return product(frame, _quaternion(q)), place
+    return product(frame, quaternion_matrix(*q)), place
 
 
 def free(q: Numbers, frame: Numbers, place: Numbers) -> tuple[Numbers, ...]:
     """Rotation and place of a free joint's body, q = position, quaternion."""
-    return product(frame, _quaternion(q[3:7])), add(place, apply(frame, q[0:3]))
+    return product(frame, quaternion_matrix(*q[3:7])), add(place, apply(frame, q[0:3]))
 
 
 def planar_rates(v: Numbers) -> Numbers:
@@ -267,24 +257,24 @@ def free_rates(v: Numbers) -> Numbers:
     return v[3:6] + v[0:3]
 
 
-def doubt_angle(doubt: Symbol, q: Symbol, offset: Symbol) -> Symbol:
-    """``doubt``, but not a number where an angle is too large for `sine_and_cosine`."""
-    return _unless(_within(q + offset, largest_angle(q)), doubt)
+def invalid_angle(invalid: Symbol, q: Symbol, offset: Symbol) -> Symbol:
+    """``invalid``, but not a number where an angle is too large for `sine_and_cosine`."""
+    return _unless(_within(q + offset, largest_angle(q)), invalid)
 
 
-def doubt_length(doubt: Symbol, numbers: Numbers) -> Symbol:
-    """``doubt``, but not a number where numbers that have to have length 1 do not."""
+def invalid_length(invalid: Symbol, numbers: Numbers) -> Symbol:
+    """``invalid``, but not a number where numbers that have to have length 1 do not."""
     square = numbers[0] * numbers[0]
     for number in numbers[1:]:
         square = square + number * number
-    return _unless(_within(square - 1.0, 1e-6), doubt)
+    return _unless(_within(square - 1.0, 1e-6), invalid)
 
 
-def doubt_results(doubt: Symbol, results: Numbers) -> Symbol:
-    """``doubt``, but not a number where a result is not finite."""
+def invalid_results(invalid: Symbol, results: Numbers) -> Symbol:
+    """``invalid``, but not a number where a result is not finite."""
     for result in results:
-        doubt = doubt + 0.0 * result
-    return doubt
+        invalid = invalid + 0.0 * result
+    return invalid
 
 
 def _within(x: Symbol, bound: float) -> ir.Value:
@@ -293,5 +283,5 @@ def _within(x: Symbol, bound: float) -> ir.Value:
     return build.and_(above, build.fcmp_ordered(">=", x.value, x.constant(-bound).value))
 
 
-def _unless(sure: ir.Value, doubt: Symbol) -> Symbol:
-    return Symbol(doubt.builder, doubt.builder.select(sure, doubt.value, doubt.constant(float("nan")).value))
+def _unless(sure: ir.Value, invalid: Symbol) -> Symbol:
+    return Symbol(invalid.builder, invalid.builder.select(sure, invalid.value, invalid.constant(float("nan")).value))

@@ -22,9 +22,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
+from mp2a.exceptions import DependencyError
 from mp2a.launch.rank import become, die_with
 
-_ALWAYS = ("mpi4py.MPI", "numpy")
+_ALWAYS = ("mp2a.mpi", "numpy")
 _BACKLOG = 4096
 _KILLED = 128
 _PATIENCE = 10.0
@@ -52,8 +53,12 @@ def main(modules: str, ranks: str, length: str, *command: str) -> int:
 
     mpi4py.rc.initialize = False  # a process that has initialised MPI may not fork
     os.environ.pop("MPI4PY_RC_INITIALIZE", None)  # which would win
-    for name in (*_ALWAYS, *modules.split(",")):
-        import_module(name)
+    try:
+        for name in (*_ALWAYS, *modules.split(",")):
+            import_module(name)
+    except DependencyError as error:
+        print(error, file=sys.stderr)
+        return 1
     if len(list(Path("/proc/self/task").iterdir())) > 1:
         # Threads are not forked, and what they held stays locked: every rank has to import for itself.
         os.execv(command[0], command)

@@ -1,65 +1,36 @@
 """The fewest bytes: one scan of motion outwards, then one of forces inwards, on a chain or a tree."""
 
+from typing import Any
+
 from mp2a.algebra import motion
-from mp2a.methods.node import Nodes, Scan
-from mp2a.methods.sweep import LONGER, read_off
-from mp2a.schedule import FORCE, MOTION, Schedule
-from mp2a.spatial import Array, spatial_to_classical
-from mp2a.transport.base import Transport
-from mp2a.transport.steps import Operation, Register, Use
+from mp2a.algebra.affine import NO_VECTOR
+from mp2a.methods.node import Own, Rounds, ScanResult
+from mp2a.program.operations import NOTHING, add, compose, read_off, to_classical, transform_force
+from mp2a.schedule import FORCE, MOTION
 
-DOUBLES = {MOTION: motion.DOUBLES, FORCE: 6}
-
-_OUTWARDS = {MOTION: LONGER}
-_INWARDS = {
-    FORCE: Use(
-        "carried",
-        before=(Operation("carry", "carried", ("path@motion", "force")),),
-        after=(Operation("add", "force", ("<carried",)),),
-    )
-}
-_INWARDS_OF_BLOCKS = {FORCE: _INWARDS[FORCE].then(Operation("add", "behind", ("<carried",)))}
+MESSAGES = {MOTION: {"path": motion.IDENTITY}, FORCE: {"force": NO_VECTOR}}
 
 
-def compact(nodes: Nodes, gravity: Array, schedule: Schedule, transport: Transport) -> Scan:
+def compact(own: Own, rounds: Rounds) -> ScanResult:
     """Scan motion, then force.
 
-    A body remembers the path to its 2^e-th ancestor of every round. With it, it carries its force itself to where it
-    sends it, so that a force is 6 numbers on the wire.
+    A node remembers its path from the 2^e-th ancestor of every round. With it, it transforms its force itself to where
+    it sends it, so that a force is 6 numbers on the wire.
     """
-    outwards = schedule.recurrence("motion")
-    layout = {
-        "path": Register({"path": motion.DOUBLES}, copies=max(len(outwards) + 1, 2)),
-        "force": Register({"force": 6}),
-        "carried": Register({"carried": 6}, copies=2),
-    }
-    if nodes.blocks:
-        layout["behind"] = Register({"behind": 6})
-    registers = transport.registers(layout, nodes.path.shape[1])
-    registers["path"][:] = nodes.path
-    transport.run(outwards, _OUTWARDS, registers)
-    path = registers["path"].copy()
-    velocity, acceleration = read_off(path, gravity)
-    classical = spatial_to_classical(acceleration, velocity)
-    registers["force"][:] = nodes.force(velocity, classical)
-    if nodes.blocks:
-        registers["behind"][:] = 0.0
-    transport.run(schedule.recurrence("force"), _INWARDS_OF_BLOCKS if nodes.blocks else _INWARDS, registers)
-    behind = registers["behind"].copy() if nodes.blocks else None
-    return Scan(velocity, classical, registers["force"].copy(), behind, path)
+    paths = scan_motion(own.path, rounds)
+    velocity, spatial = read_off(paths[-1], own.gravity)
+    acceleration = to_classical(spatial, velocity)
+    force, distal = own.force(velocity, acceleration), NOTHING
+    for round_, path in zip(rounds.recurrence("force"), paths, strict=False):
+        (below,) = rounds.exchange(round_, force=transform_force(path, force))
+        force, distal = add(force, below), add(distal, below)
+    return ScanResult(velocity, acceleration, force, distal, paths[-1])
 
 
-def outwards(path: Array, schedule: Schedule, transport: Transport) -> Array:
-    """Scan motion alone: paths from the base to all nodes, ``(nodes, T, 24)``.
-
-    Parameters
-    ----------
-    path
-        From each node's parent to it, ``(nodes, T, 24)``.
-    schedule, transport
-        With rounds of a recurrence "motion", as `mp2a.schedule.motion` has them.
-    """
-    registers = transport.registers({"path": Register({"path": motion.DOUBLES}, copies=2)}, path.shape[1])
-    registers["path"][:] = path
-    transport.run(schedule.recurrence("motion"), _OUTWARDS, registers)
-    return registers["path"].copy()
+def scan_motion(path: Any, rounds: Rounds) -> list[Any]:
+    """Scan motion outwards alone: the paths before each round, and at last those from the base."""
+    paths = [path]
+    for round_ in rounds.recurrence("motion"):
+        (above,) = rounds.exchange(round_, path=paths[-1])
+        paths.append(compose(above, paths[-1]))
+    return paths

@@ -1,32 +1,29 @@
 """The paper's method: three Kogge-Stone scans of affine maps over 6×6 operators (eq. 4-10, figures 4-6)."""
 
-from collections.abc import Mapping
+from typing import Any
 
-import numpy as np
-
-from mp2a.algebra import motion
+from mp2a.algebra import affine
 from mp2a.algebra.affine import MATRIX_AND_VECTOR, VECTOR
-from mp2a.methods.node import Nodes, Scan
-from mp2a.schedule import Schedule
-from mp2a.spatial import Array, apply, force_to_child, motion_operator, transpose, velocity_product
-from mp2a.transport.base import Transport
-from mp2a.transport.steps import Operation, Register, Use
+from mp2a.methods.node import Own, Rounds, ScanResult
+from mp2a.program.operations import (
+    acceleration_across,
+    add,
+    apply_matrix,
+    force_from_parent,
+    operator_across,
+    product,
+    push,
+    transpose_matrix,
+    velocity_across,
+)
 
-_LAYOUT = {"window": Register({"matrix": 36, "vector": 6}, copies=2)}
-_PUSH = Operation("push", "vector", ("matrix", "<vector", "vector"))
-_USES = {
-    MATRIX_AND_VECTOR: Use("window", after=(Operation("product", "matrix", ("matrix", "<matrix")), _PUSH)),
-    VECTOR: Use("vector", after=(_PUSH,)),
+MESSAGES = {
+    MATRIX_AND_VECTOR: {"matrix": affine.IDENTITY, "vector": affine.NO_VECTOR},
+    VECTOR: {"vector": affine.NO_VECTOR},
 }
-"""The piece that comes lies before the own one (for forces: behind it). After a vector alone the window reaches the end
-of the chain, and its matrix means nothing any more."""
-
-_LAYOUT_OF_BLOCKS = _LAYOUT | {"behind": Register({"behind": 6})}
-_BEHIND = Operation("push", "behind", ("matrix", "<vector", "behind"))
-_USES_OF_BLOCKS = {kind: use.then(_BEHIND) for kind, use in _USES.items()}
 
 
-def kogge_stone(nodes: Nodes, gravity: Array, schedule: Schedule, transport: Transport) -> Scan:
+def kogge_stone(own: Own, rounds: Rounds) -> ScanResult:
     r"""Scan velocity, acceleration and force.
 
     Each robot forms its own :math:`C_i, b_i` (eq. 7, 9, 10) and knows its own joint only. The paper's backward
@@ -37,28 +34,38 @@ def kogge_stone(nodes: Nodes, gravity: Array, schedule: Schedule, transport: Tra
 
     The messages are as many and as large as the paper's.
     """
-    r, p, relative, relative_acceleration = motion.view(nodes.path)
-    outwards = motion_operator(r, p)
-    registers = transport.registers(_LAYOUT_OF_BLOCKS if nodes.blocks else _LAYOUT, nodes.path.shape[1])
+    c = operator_across(own.path)
 
-    def scan(recurrence: str, matrix: Array, vector: Array, uses: Mapping[str, Use] = _USES) -> Array:
-        transport.flush()
-        registers["matrix"].reshape(matrix.shape)[:], registers["vector"][:] = matrix, vector
-        transport.run(schedule.recurrence(recurrence), uses, registers)
-        return registers["vector"].copy()
+    # Eq. 4: V_i = Pᵀ Rᵀ V_{i-1} + H q̇
+    velocity, _ = scan("velocity", c, velocity_across(own.path), own, rounds)
 
-    velocity = scan("velocity", outwards, relative)
+    # Eq. 5: V̇_i = Pᵀ Rᵀ V̇_{i-1} + H q̈ + (Ṗᵀ Rᵀ V_{i-1} + Ḣ q̇); the base falls with -g
+    rate = add(acceleration_across(own.path, velocity), apply_matrix(c, own.base))
+    acceleration, _ = scan("acceleration", c, rate, own, rounds)
 
-    coriolis = velocity_product(p, r, velocity - relative, relative, velocity)
-    rate = relative_acceleration + coriolis
-    if transport.first == 0:
-        rate[0] += apply(outwards[0], np.concatenate((np.zeros(3), -gravity)))
-    acceleration = scan("acceleration", outwards, rate)
+    # Eq. 6, as the force passed inwards
+    inwards = transpose_matrix(c)
+    passed = apply_matrix(inwards, own.force(velocity, acceleration))
+    passed, distal = scan("force", inwards, passed, own, rounds)
+    force, behind = force_from_parent(own.path, passed), force_from_parent(own.path, distal)
+    return ScanResult(velocity, acceleration, force, behind)
 
-    inwards = transpose(outwards)
-    passed = apply(inwards, nodes.force(velocity, acceleration))
-    if not nodes.blocks:
-        return Scan(velocity, acceleration, force_to_child(r, p, scan("force", inwards, passed)), None)
-    registers["behind"][:] = 0.0
-    force = force_to_child(r, p, scan("force", inwards, passed, _USES_OF_BLOCKS))
-    return Scan(velocity, acceleration, force, force_to_child(r, p, registers["behind"]))
+
+def scan(recurrence: str, c: Any, b: Any, own: Own, rounds: Rounds) -> tuple[Any, Any]:
+    r"""Solve :math:`x_i = C_i x_{i-1} + b_i` for all robots by recursive doubling (eq. 8-10).
+
+    In round e the window of 2^(e-1) robots that ends at robot i, :math:`x \mapsto C x + b`, is put behind the one that
+    ends where it begins. After a vector alone the window reaches the end of the chain, and its matrix means nothing any
+    more.
+
+    Returns
+    -------
+    tuple
+        x, and the part of it that came from other robots.
+    """
+    others = own.no_force()
+    for round_ in rounds.recurrence(recurrence):
+        c_before, b_before = rounds.exchange(round_, matrix=c, vector=b)
+        b, others = push(c, b_before, b), push(c, b_before, others)
+        c = product(c, c_before)
+    return b, others

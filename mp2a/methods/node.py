@@ -1,66 +1,60 @@
 """What a method is given of each node, and what it finds out: the same for single bodies and for blocks."""
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
-from mp2a.algebra import inertia, motion
-from mp2a.joint_kinematics import joint_motion, joint_torque
-from mp2a.methods.result import InverseDynamics
-from mp2a.model import Model
-from mp2a.recursion import segment
-from mp2a.schedule import Formation, Schedule
-from mp2a.spatial import Array, body_force
-from mp2a.transport.base import Transport
-from mp2a.validation import JointState
+from mp2a.program.recorder import Messages
+from mp2a.schedule import Formation, Round, Schedule
 
 
-class Nodes(NamedTuple):
-    """What the nodes of a process know by themselves; a node is a body, or a block of which the first is its head."""
+class Rounds(Protocol):
+    """The rounds of a schedule, for all nodes or for one."""
 
-    path: Array
-    """From the parent's head to the own one, ``(nodes, T, 24)``."""
-    load: Callable[[], Array]
-    """Work out how the node presses on its head, ``(nodes, T, 28)``."""
-    force: Callable[[Array, Array], Array]
-    """Force that the node takes at its head for the head's velocity and classical acceleration, ``(nodes, T, 6)``."""
-    blocks: bool
-    """Whether a node may have more than one body, so that it has to know what lies behind it."""
+    def recurrence(self, name: str) -> tuple[Round, ...]:
+        """Return the rounds of one recurrence."""
+        ...
+
+    def exchange(self, round_: Round, **parts: Any) -> tuple[Any, ...]:
+        """Send each kind of message of the round, made of the parts given; return in their order the parts that come.
+
+        Where none comes it is what leaves a node's own part as it is. Forces of several children come added up.
+        """
+        ...
 
 
-class Scan(NamedTuple):
-    """What the nodes know after the exchanges, ``(nodes, T, 6)``, at their heads."""
+class Own(NamedTuple):
+    """What nodes know by themselves; a node is a body, or a block of which the first is its head.
 
-    velocity: Array
-    acceleration: Array
+    Arrays ``(nodes, T, numbers)``, or values while a method is recorded.
+    """
+
+    path: Any
+    """From the parent's head to the own one, 24 numbers (`mp2a.algebra.motion`)."""
+    inertia: Callable[[], Any]
+    """Composite inertia of the node about its head, 28 numbers (`mp2a.algebra.inertia`)."""
+    force: Callable[[Any, Any], Any]
+    """Force that the node takes at its head for the head's velocity and classical acceleration, 6 numbers."""
+    gravity: Any
+    """``(3,)`` m/s² in the base frame."""
+    base: Any
+    """``[0; -g]``, the acceleration of the base, where it is the parent; what adds nothing elsewhere."""
+    no_force: Callable[[], Any]
+    """Zeros, 6 numbers."""
+
+
+class ScanResult(NamedTuple):
+    """What nodes know after the exchanges, of their heads; 6 numbers each."""
+
+    velocity: Any
+    acceleration: Any
     """Classical."""
-    force: Array
+    force: Any
     """That the joint passes to the head."""
-    behind: Array | None
-    """The part of it that goes to what is behind the node; None unless nodes are blocks. It comes from what was
-    received, not from a difference, in which digits would be lost."""
-    path: Array | None = None
-    """From the base to the heads, ``(nodes, T, 24)``, where the method has it."""
-
-
-def single_bodies(bodies: Model, state: JointState) -> Nodes:
-    """Make each body a node."""
-
-    def leaf() -> Array:
-        return inertia.from_body(bodies.masses, bodies.coms, bodies.origin_inertias, state.external, state.samples)
-
-    def force(velocity: Array, acceleration: Array) -> Array:
-        mass, com = bodies.masses[:, None], bodies.coms[:, None]
-        out = body_force(mass, com, bodies.origin_inertias[:, None], velocity, acceleration)
-        if state.external is not None:
-            out -= state.external
-        return out
-
-    path = (
-        segment(bodies, state, loaded=False)[0][None]
-        if len(bodies) == 1
-        else motion.from_joint(joint_motion(bodies, state))
-    )
-    return Nodes(path, leaf, force, blocks=False)
+    distal_force: Any
+    """The part of it that goes to what is behind the node. It comes from what was received, not from a difference, in
+    which digits would be lost; for nodes of more than one body."""
+    path: Any = None
+    """From the base to the heads, 24 numbers, where the method has it."""
 
 
 class Work(NamedTuple):
@@ -72,7 +66,7 @@ class Work(NamedTuple):
     """s a sample"""
 
     def seconds(self, samples: int) -> float:
-        """Time of a round for some samples."""
+        """Return the time of a round for some samples."""
         return self.call + samples * self.sample
 
 
@@ -81,19 +75,14 @@ class Method(NamedTuple):
 
     schedule: Callable[[Formation], Schedule]
     """Schedule for the parents of a formation."""
-    doubles: Mapping[str, int]
-    """Numbers a sample in each kind of message."""
+    messages: Messages
+    """What each kind of message holds."""
     work: Work
     """Mean over the rounds."""
-    scan: Callable[[Nodes, Array, Schedule, Transport], Scan]
-    """``(nodes of this process, gravity, schedule, transport)`` to what they know after the exchanges."""
-    loaded: bool
-    """Whether it asks nodes for their load."""
+    scan: Callable[[Own, Rounds], ScanResult]
+    """What each node does: straight on over its rounds."""
 
-    def solve(
-        self, bodies: Model, state: JointState, gravity: Array, schedule: Schedule, transport: Transport
-    ) -> InverseDynamics:
-        """Inverse dynamics of the bodies this process holds, each a node."""
-        velocity, acceleration, force, _, path = self.scan(single_bodies(bodies, state), gravity, schedule, transport)
-        place = () if path is None else motion.view(path)[:2]
-        return InverseDynamics(velocity, acceleration, force, joint_torque(bodies, force), *place)
+    @property
+    def doubles(self) -> Mapping[str, int]:
+        """Numbers a sample in each kind of message."""
+        return {kind: sum(len(part) for part in parts.values()) for kind, parts in self.messages.items()}

@@ -1,57 +1,25 @@
 """The whole inverse dynamics in one set of rounds, on a chain or a tree (theory, section 4)."""
 
-from mp2a import kernels
 from mp2a.algebra import inertia, motion
-from mp2a.methods.node import Nodes, Scan
-from mp2a.schedule import FORCE, MOTION, Schedule
-from mp2a.spatial import Array, spatial_to_classical
-from mp2a.transport.base import Transport
-from mp2a.transport.steps import Operation, Register, Use
+from mp2a.methods.node import Own, Rounds, ScanResult
+from mp2a.program.operations import NOTHING, add, compose, force_of, read_off, to_classical, transform
+from mp2a.schedule import FORCE, MOTION
 
-DOUBLES = {MOTION: motion.DOUBLES, FORCE: inertia.DOUBLES}
-
-LONGER = Use("path", after=(Operation("compose", "path", ("<path", "path")),))
-"""A path that comes is put above the own one."""
-
-_LAYOUT = {
-    "path": Register({"path": motion.DOUBLES}, copies=2),
-    "below": Register({"below": inertia.DOUBLES}),
-    "upwards": Register({"upwards": inertia.DOUBLES}, copies=2),
-}
-_USES = {
-    MOTION: LONGER,
-    FORCE: Use(
-        "upwards",
-        before=(Operation("move", "upwards", ("below", "path")),),
-        after=(Operation("add", "below", ("<upwards",)),),
-    ),
-}
-_LAYOUT_OF_BLOCKS = _LAYOUT | {"behind": Register({"behind": inertia.DOUBLES})}
-_USES_OF_BLOCKS = _USES | {FORCE: _USES[FORCE].then(Operation("add", "behind", ("<upwards",)))}
+MESSAGES = {MOTION: {"path": motion.IDENTITY}, FORCE: {"load": inertia.IDENTITY}}
 
 
-def sweep(nodes: Nodes, gravity: Array, schedule: Schedule, transport: Transport) -> Scan:
-    """Scan motion and loads at once.
+def sweep(own: Own, rounds: Rounds) -> ScanResult:
+    """Scan motion and composite inertias at once.
 
-    A body keeps two segments: its motion across the path from its 2^e-th ancestor, and the load of all bodies fewer
-    than 2^e below it. In a round it hands the first to those whose 2^e-th ancestor it is and the second, moved across
-    the first, to its own; neither waits for the other.
+    A node keeps two segments: its path from its 2^e-th ancestor, and the composite inertia of all nodes fewer than 2^e
+    below it. In a round it hands the first to those whose 2^e-th ancestor it is and the second, transformed across the
+    first, to its own; neither waits for the other.
     """
-    registers = transport.registers(_LAYOUT_OF_BLOCKS if nodes.blocks else _LAYOUT, nodes.path.shape[1])
-    registers["path"][:], registers["below"][:] = nodes.path, nodes.load()
-    if nodes.blocks:
-        registers["behind"][:] = 0.0
-    transport.run(schedule.recurrence("sweep"), _USES_OF_BLOCKS if nodes.blocks else _USES, registers)
-    path = registers["path"].copy()
-    velocity, acceleration = read_off(path, gravity)
-    force = kernels.force(registers["below"], velocity, acceleration)
-    behind = kernels.force(registers["behind"], velocity, acceleration) if nodes.blocks else None
-    return Scan(velocity, spatial_to_classical(acceleration, velocity), force, behind, path)
-
-
-def read_off(path: Array, gravity: Array) -> tuple[Array, Array]:
-    """Velocity and spatial acceleration ``(n, T, 6)`` of bodies whose paths reach the base, which falls with -g."""
-    whole = motion.view(path)
-    acceleration = whole.acceleration.copy()
-    acceleration[..., 3:] -= gravity @ whole.rotation
-    return whole.velocity.copy(), acceleration
+    path, below, distal = own.path, own.inertia(), NOTHING
+    for round_ in rounds.recurrence("sweep"):
+        above, load = rounds.exchange(round_, path=path, load=transform(below, path))
+        path = compose(above, path)
+        below, distal = add(below, load), add(distal, load)
+    velocity, acceleration = read_off(path, own.gravity)
+    force, behind = force_of(below, velocity, acceleration), force_of(distal, velocity, acceleration)
+    return ScanResult(velocity, to_classical(acceleration, velocity), force, behind, path)

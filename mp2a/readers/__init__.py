@@ -1,1 +1,1 @@
-"""Where chains come from. Each module returns the fields of `mp2a.model.Model` as a dictionary."""
+"""Where models come from. Each module returns the fields of `mp2a.model.Model` as a dictionary."""

@@ -1,4 +1,4 @@
-"""Chains from Denavit-Hartenberg tables."""
+"""Models from Denavit-Hartenberg tables."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -21,7 +21,7 @@ def read_dh(
     coms: ArrayLike | None,
     inertias: ArrayLike | None,
 ) -> dict[str, Any]:
-    r"""Fields of `Model.from_dh`.
+    r"""Return the fields for `Model.from_dh`.
 
     A row moves by :math:`T_z(d) R_z(\theta)` about the joint and :math:`T_x(a) R_x(\alpha)` along the link: the
     standard convention in this order, the modified one in the other. Our body frame is the joint's, so a standard

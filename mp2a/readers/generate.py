@@ -1,4 +1,4 @@
-"""Chains made up: uniform and random."""
+"""Models made up: uniform and random."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,7 +15,7 @@ from mp2a.spatial import Array
 def uniform(
     n: int, joint: str, axis: ArrayLike, offset: ArrayLike, mass: float, inertia: ArrayLike | None
 ) -> dict[str, Any]:
-    """Fields of `Model.uniform`."""
+    """Return the fields for `Model.uniform`."""
     count("n", n)
     step = array("offset", offset, (3,))
     mass = float(array("mass", mass, ()))
@@ -37,7 +37,7 @@ def uniform(
 
 
 def random(n: int, seed: int, joints: Sequence[str], branching: int) -> dict[str, Any]:
-    """Fields of `Model.random`; placements of some decimetres, so that 512 bodies stay within tens of metres."""
+    """Return the fields for `Model.random`; 512 bodies stay within tens of metres."""
     count("n", n)
     count("seed", seed, 0)
     count("branching", branching)
@@ -48,7 +48,7 @@ def random(n: int, seed: int, joints: Sequence[str], branching: int) -> dict[str
     index = np.arange(n)
     axes = rng.normal(size=(n, 3))
     moments = rng.uniform(0.01, 0.02, (n, 3))  # any three such moments obey the triangle inequality of inertia
-    turn = _random_rotations(rng, n)
+    principal = _random_rotations(rng, n)
     return {
         "parents": np.maximum(index - 1 - rng.integers(0, branching, n), np.minimum(index - 1, 0)),
         "joints": tuple(rng.choice(list(joints), n).tolist()),
@@ -57,12 +57,12 @@ def random(n: int, seed: int, joints: Sequence[str], branching: int) -> dict[str
         "translations": rng.normal(scale=0.2, size=(n, 3)),
         "masses": rng.uniform(0.5, 2.0, n),
         "coms": rng.normal(scale=0.1, size=(n, 3)),
-        "inertias": turn @ (moments[:, :, None] * turn.swapaxes(1, 2)),
+        "inertias": principal @ (moments[:, :, None] * principal.swapaxes(1, 2)),
     }
 
 
 def random_state(joints: Sequence[str], body: int | None, samples: int, seed: int) -> tuple[Array, Array, Array]:
-    """See `Model.random_state`; always with a sample axis."""
+    """Do what `Model.random_state` says, always with a sample axis."""
     count("seed", seed, 0)
     parts = []
     for i in range(len(joints)) if body is None else (body,):

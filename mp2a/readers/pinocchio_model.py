@@ -1,4 +1,4 @@
-"""Chains from and to `pinocchio.Model`."""
+"""Models from and to `pinocchio.Model`."""
 
 from typing import Any
 
@@ -18,10 +18,12 @@ _UNALIGNED = {
 
 
 def from_model(model: pinocchio.Model) -> dict[str, Any]:
-    """Fields of `Model.from_pinocchio`."""
+    """Return the fields for `Model.from_pinocchio`."""
     n = model.njoints - 1
     if n == 0:
         raise InputError("model: got a pinocchio model without joints, expected at least one that moves")
+    if np.any(model.gravity.angular):
+        raise InputError(f"model: got gravity with an angular part {model.gravity.angular}, expected a linear field")
     joints, axes = [], np.zeros((n, 3))
     for i in range(n):
         kind = _kind(model.joints[i + 1].shortname())
@@ -45,13 +47,15 @@ def from_model(model: pinocchio.Model) -> dict[str, Any]:
         "coms": np.array([body.lever for body in bodies]),
         "inertias": np.array([body.inertia for body in bodies]),
         "names": tuple(model.names[i + 1] for i in range(n)),
+        "gravity": np.array(model.gravity.linear),
     }
 
 
 def to_model(fields: dict[str, Any]) -> pinocchio.Model:
-    """Model of a chain's fields; see `Model.to_pinocchio`."""
+    """Make a `pinocchio.Model` of a model's fields, for `Model.to_pinocchio`."""
     model = pinocchio.Model()
     model.name = "mp2a"
+    model.gravity.linear = fields["gravity"]
     for i, parent in enumerate(fields["parents"]):
         placement = pinocchio.SE3(fields["rotations"][i], fields["translations"][i])
         joint = _joint_model(str(fields["joints"][i]), fields["axes"][i])

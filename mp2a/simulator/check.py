@@ -6,9 +6,12 @@ import numpy as np
 
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography import check
+from mp2a.formation.choreography.collisions import stretches
 from mp2a.formation.choreography.findings import Finding
-from mp2a.formation.choreography.ideal import Run
-from mp2a.formation.choreography.runner import Choreography, models
+from mp2a.formation.choreography.fleet import models
+from mp2a.formation.choreography.ideal import ScenarioRun
+from mp2a.formation.choreography.runner import Choreography
+from mp2a.formation.constants import LONGEST_RUN, TICK
 from mp2a.formation.robot_models import RobotModel
 from mp2a.simulator.choreography_driver import ChoreographySimulationDriver
 from mp2a.simulator.events import EventKind
@@ -17,9 +20,6 @@ from mp2a.simulator.vehicle import TurnSlip
 from mp2a.simulator.world import World, geometry, rectangles
 from mp2a.spatial import Array
 
-_TICK = 0.1
-_TELL = 100  # ticks
-_PAUSE = 10  # ticks between two times of one finding that count as one
 _KINDS = {EventKind.ERROR_STATE: ("failure", True), EventKind.STOP: ("stop", False)}
 """Kinds of events that are findings: of which kind, and whether they are serious."""
 
@@ -31,10 +31,10 @@ def report_simulated(
     *,
     max_speed: float | None = None,
     margin: float = check.MARGIN,
-    longest: float = check.LONGEST,
+    longest: float = LONGEST_RUN,
     slip: TurnSlip | None = None,
     tell: Callable[[float], None] | None = None,
-) -> check.Report:
+) -> check.CheckReport:
     """Find every mistake in a scenario: in its text, on paper, and in a simulated run.
 
     Parameters
@@ -58,7 +58,7 @@ def report_simulated(
 
     Returns
     -------
-    Report
+    CheckReport
         Collisions with robots and walls and what stops robots, besides what a check with ideal robots looks for.
 
     Raises
@@ -66,23 +66,19 @@ def report_simulated(
     InputError
         If an argument other than ``text`` is wrong, or a robot touches another or a wall from the start.
     """
-    runs: list[_SimulatedRun] = []
+    casts: list[_SimulatedRobots] = []
 
-    def drive(dance: Choreography, longest: float, tell: Callable[[float], None] | None) -> Run:
-        fleet = models(dance.scenario, robots)
-        simulation = Simulation(world, fleet, dance.places(), slip=slip)
-        driver = ChoreographySimulationDriver(dance)
-        runs.append(_SimulatedRun(simulation, driver, _run(simulation, driver, longest, tell)))
-        return runs[0].run
+    def cast(dance: Choreography) -> _SimulatedRobots:
+        simulation = Simulation(world, models(dance.scenario, robots), dance.slot_poses(), slip=slip)
+        casts.append(_SimulatedRobots(simulation, dance))
+        return casts[0]
 
     if not isinstance(world, World):
         raise InputError(f"world: got {type(world).__name__}, expected a World")
-    result = check.report(
-        text, robots, max_speed=max_speed, margin=margin, longest=longest, tell=tell, drive=drive
-    )  # fmt: skip
-    if not runs:
+    result = check.check(text, robots, max_speed=max_speed, margin=margin, longest=longest, tell=tell, cast=cast)
+    if result.run is None:
         return result
-    [whole] = runs
+    whole = _SimulatedRun(casts[0], result.run)
     contacts = [*whole.collisions(), *whole.walls(margin)]
     others = [finding for finding in result.findings if not _is_covered(finding, contacts)]
     paper = [finding for finding in others if finding.time is None]
@@ -90,35 +86,34 @@ def report_simulated(
     return result._replace(findings=[*paper, *sorted(timed, key=lambda finding: finding.time or (0.0, 0.0))])
 
 
-def _run(
-    simulation: Simulation,
-    driver: ChoreographySimulationDriver,
-    longest: float,
-    tell: Callable[[float], None] | None,
-) -> Run:
-    """Simulate to the end; the columns are those of a run with ideal robots."""
-    dance, rows = driver.choreography, []
-    for tick in range(int(longest / _TICK) + 1):
-        sensed = simulation.sense()
-        commands = driver.step(sensed)
-        state, leaders = dance.state, dance.state.leaders
-        rows.append((
-            sensed.time, sensed.poses, sensed.twists, commands, state.asked, state.excess, leaders.pose, leaders.twist,
-            leaders.place,
-        ))  # fmt: skip
-        if driver.done:
-            break
-        if tell is not None and tick % _TELL == 0:
-            tell(sensed.time)
-        simulation.step(commands, _TICK)
-    return Run._make([*(np.array(column) for column in zip(*rows, strict=True)), driver.done])
+class _SimulatedRobots:
+    """Simulated robots that run a choreography."""
+
+    def __init__(self, simulation: Simulation, choreography: Choreography) -> None:
+        self.simulation, self.driver = simulation, ChoreographySimulationDriver(choreography)
+
+    @property
+    def done(self) -> bool:
+        """Whether they have come to the end and stand."""
+        return self.driver.done
+
+    def decide(self) -> tuple[float, Array, Array, Array]:
+        """Step the choreography; returns time, poses, twists and commands."""
+        sensed = self.simulation.sense()
+        return sensed.time, sensed.poses, sensed.twists, self.driver.step(sensed)
+
+    def move(self, commands: Array) -> None:
+        """Drive for a tick."""
+        self.simulation.step(commands, TICK)
 
 
 class _SimulatedRun:
     """What a simulated run shows."""
 
-    def __init__(self, simulation: Simulation, driver: ChoreographySimulationDriver, run: Run) -> None:
-        self._simulation, self._driver, self._dance, self.run = simulation, driver, driver.choreography, run
+    def __init__(self, robots: _SimulatedRobots, run: ScenarioRun) -> None:
+        self._simulation, self._driver, self._dance, self.run = (
+            robots.simulation, robots.driver, robots.driver.choreography, run
+        )  # fmt: skip
 
     def collisions(self) -> Iterator[Finding]:
         """Find who drives into what."""
@@ -140,10 +135,11 @@ class _SimulatedRun:
             model = self._simulation.models[i]
             sizes = (np.full(len(poses), size) for size in (model.length, model.width))
             gaps = shapely.distance(shapely.polygons(rectangles(poses[:, i], *sizes)), everything)
-            for begin, end in _stretches(gaps < margin):
+            for ticks in stretches(np.flatnonzero(gaps < margin)):
+                begin, end = ticks[[0, -1]]
                 x, y = poses[begin, i, :2]
                 message = (
-                    f"{robot} comes within {max(gaps[begin : end + 1].min(), 0):.2f} m of a wall or an obstacle"
+                    f"{robot} comes within {max(gaps[ticks].min(), 0):.2f} m of a wall or an obstacle"
                     f"{check.during(self._dance, i, times[begin])}"
                 )
                 yield Finding(
@@ -170,11 +166,3 @@ def _is_covered(finding: Finding, contacts: list[Finding]) -> bool:
         and finding.time[0] - 1 <= other.time[0] <= finding.time[1] + 1
         for other in contacts
     )
-
-
-def _stretches(what: Array) -> Iterator[tuple[int, int]]:
-    """Return the first and last tick of what lasts, with short pauses left out."""
-    ticks = np.flatnonzero(what)
-    for part in np.split(ticks, np.flatnonzero(np.diff(ticks) > _PAUSE) + 1):
-        if len(part):
-            yield int(part[0]), int(part[-1])

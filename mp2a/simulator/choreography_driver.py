@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mp2a.formation.choreography.constants import CATCH_UP, LOST_POSES, TICK
-from mp2a.formation.choreography.follower import lanes
 from mp2a.formation.choreography.runner import Choreography
+from mp2a.formation.constants import LOST_POSES, QUEUE_RESET_RATIO, TICK
 from mp2a.se2 import act_inverse
 from mp2a.simulator.driver import Ending, SimulationDriver
 from mp2a.simulator.observation import Observation
@@ -45,9 +44,9 @@ class ChoreographySimulationDriver(SimulationDriver):
     def ending(self) -> Ending:
         """Where the robots here stand with their choreography."""
         dance, mine = self.choreography, self.robots
-        direction = np.sign(dance.state.asked[mine, 0]).astype(np.intp)
+        direction = np.sign(dance.state.raw_command[mine, 0]).astype(np.intp)
         return Ending(
-            dance.places()[mine],
+            dance.slot_poses()[mine],
             dance.ended[mine],
             tuple(self._error(i) for i in mine),
             np.where(dance.blocked[mine], direction, 0),
@@ -80,16 +79,16 @@ class ChoreographySimulationDriver(SimulationDriver):
         poses[mine], twists[mine] = sensed.poses, sensed.twists
         commands = dance.step(sensed.time, poses, twists, points)
         state, leaders = dance.state, dance.state.leaders
-        behind, fine = -leaders.place[:, 0], ~state.error
-        self.leaders.append(np.column_stack((lanes(leaders), behind))[mine])
+        behind, fine = -leaders.slot[:, 0], ~state.errors.failed
+        self.leaders.append(np.column_stack((leaders.points, behind))[mine])
         self._leader_places.append(leaders.pose[:, :2])
-        far = state.excess > (CATCH_UP - 1) * behind
-        states = (state.error, dance.blocked & fine, np.zeros(n, dtype=bool), far & fine)
+        far = state.gap_error > (QUEUE_RESET_RATIO - 1) * behind
+        states = (state.errors.failed, dance.blocked & fine, np.zeros(n, dtype=bool), far & fine)
         self.events += self._changes.events(sensed.time, sensed.poses, [which[mine] for which in states])
         return commands[mine]
 
     def _error(self, robot: int) -> str:
-        state = self.choreography.state
-        if not state.error[robot]:
+        errors = self.choreography.state.errors
+        if not errors.failed[robot]:
             return ""
-        return "its pose was lost" if state.lost[robot] >= LOST_POSES else "its LIDAR was silent"
+        return "its pose was lost" if errors.lost_poses[robot] >= LOST_POSES else "its LIDAR was silent"

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.formation.choreography.constants import STOP_DISTANCE, STOP_SIDE
+from mp2a.formation.constants import STOP_DISTANCE, STOP_SIDE
 from mp2a.se2 import compose
 from mp2a.simulator.vehicle import move
 from mp2a.simulator.world import World, geometry, rectangles

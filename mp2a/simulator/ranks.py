@@ -14,7 +14,7 @@ from mp2a.simulator.driver import SimulationDriver
 from mp2a.simulator.loop import Controller
 from mp2a.simulator.observation import Observation
 from mp2a.spatial import Array
-from mp2a.transport.mpi import raise_together
+from mp2a.transport.agreement import raise_together
 from mp2a.transport.wait import wait
 
 _ROW = 11

@@ -107,12 +107,14 @@ def make_link(comm: MPI.Intracomm, network: EmulatedNetwork | None) -> Link:
     """Link over MPI, or over an emulated network of which the latency and bandwidth are given."""
     if network is None:
         return MPILink(comm)
+    if not isinstance(network, EmulatedNetwork):
+        raise InputError(f"network: got {type(network).__name__}, expected an mp2a.EmulatedNetwork or None")
     if not (0 <= network.latency < float("inf") and network.bandwidth > 0):
         raise InputError(f"network: got {tuple(network)}, expected a latency in s and a bandwidth in bit/s")
     return EmulatedLink(comm, network)
 
 
-def measure(link: Link, doubles: int, rounds: int) -> list[float]:
+def measure_latency(link: Link, doubles: int, rounds: int) -> list[float]:
     """One-way seconds of messages between ranks 0 and 1, half of each round trip, on rank 0; nothing elsewhere."""
     rank, times = link.comm.Get_rank(), []
     if rank > 1 or link.comm.Get_size() == 1:

@@ -1,17 +1,14 @@
 """A recorder around another transport: when each round began, what was sent and when it had come."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from mp2a.schedule import Round
-from mp2a.spatial import Array
-from mp2a.transport.base import Arrival, Nodes, Transport
-from mp2a.transport.interpreter import interpret
-from mp2a.transport.steps import Layout, Registers, Use
+from mp2a.transport.base import Parcel, Transport
 
 
-class Event(NamedTuple):
+class RoundTiming(NamedTuple):
     """One exchange of one rank; times are this machine's monotonic clock, in ns."""
 
     recurrence: str
@@ -33,28 +30,26 @@ class TraceTransport:
 
     def __init__(self, inner: Transport) -> None:
         self.inner = inner
-        self.nodes = inner.nodes
-        self.first = inner.first
-        self.events: list[Event] = []
+        self.events: list[RoundTiming] = []
 
-    def registers(self, layout: Layout, samples: int) -> Registers:
-        """Get registers of the inner transport."""
-        return self.inner.registers(layout, samples)
+    @property
+    def valid(self) -> bool:
+        """Whether this rank's data are still worth something."""
+        return self.inner.valid
 
-    def run(self, rounds: Sequence[Round], uses: Mapping[str, Use], registers: Registers) -> None:
-        """Go through rounds one exchange after another, so that each can be timed."""
-        interpret(rounds, uses, registers, self)
+    @valid.setter
+    def valid(self, valid: bool) -> None:
+        self.inner.valid = valid
 
-    def exchange(self, round_: Round, outbox: Mapping[str, Array]) -> list[Arrival]:
+    def begin(self, tag: int, *, valid: bool) -> None:
+        """Start a call of the inner transport."""
+        self.inner.begin(tag, valid=valid)
+
+    def exchange(self, round_: Round, sends: Sequence[Parcel], receives: Sequence[Parcel]) -> None:
         """Exchange by the inner transport."""
         posted = time.monotonic_ns()
-        arrivals = self.inner.exchange(round_, outbox)
-        self.events.append(Event(round_.recurrence, round_.index, posted, time.monotonic_ns()))
-        return arrivals
-
-    def senders(self, round_: Round, kind: str) -> list[Nodes]:
-        """Senders of the inner transport."""
-        return self.inner.senders(round_, kind)
+        self.inner.exchange(round_, sends, receives)
+        self.events.append(RoundTiming(round_.recurrence, round_.index, posted, time.monotonic_ns()))
 
     def flush(self) -> None:
         """Flush the inner transport."""

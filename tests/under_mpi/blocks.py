@@ -27,13 +27,17 @@ def agrees(formation, model, samples, seed, *, loaded=True):
     qs, vs = columns(model, bodies)
     before = dict(formation.transport.messages), formation.transport.doubles
     external = forces[..., own, :] if loaded else None
-    mine = formation.rnea(q[..., qs], v[..., vs], a[..., vs], external)
+    mine = formation.rnea(q[..., qs], v[..., vs], a[..., vs], external, bodies=True)
     for name in ("velocity", "acceleration", "force"):
         ours, theirs = getattr(mine, name), getattr(whole, name)
         check(ours.shape == (*lead, len(bodies), 6), name, ours.shape)
         check(relative_error(ours, theirs[..., own, :], theirs) < 1e-12, name, formation.method)
     check(mine.torque.shape == whole.torque[..., vs].shape)
     check(relative_error(mine.torque, whole.torque[..., vs], whole.torque) < 1e-12, formation.method)
+    place = mp2a.placements(model, q)
+    for ours, theirs in zip(mine.placement, place, strict=True):
+        part = np.moveaxis(np.moveaxis(theirs, len(lead), 0)[own], 0, len(lead))
+        check(ours.shape == part.shape and np.allclose(ours, part, atol=1e-10), formation.method)
     doubles = METHODS[formation.method].doubles | block.DOUBLES
     count = formation.schedule.count(doubles)
     for kind in doubles:
@@ -79,7 +83,8 @@ for method in METHODS:
     with mp2a.DistributedModel(COMM, model, method) as formation:
         qs, vs = columns(model, formation.bodies)
         q, v, a = model.random_state()
-        force, light = formation.rnea(q[qs], v[vs], a[vs]).force, slice(1 if RANK == 0 else 0, None)
+        force = formation.rnea(q[qs], v[vs], a[vs], bodies=True).force
+        light = slice(1 if RANK == 0 else 0, None)
         theirs = whole.force[formation.bodies.start : formation.bodies.stop]
         check(relative_error(force[light], theirs[light], theirs[light]) < 1e-11, method)
 
@@ -89,7 +94,7 @@ for counts in (None, [1] * SIZE, np.ones(SIZE)):
     with mp2a.DistributedModel(COMM, model, "sweep", counts=counts) as formation:
         check(not formation.schedule.recurrence(SHIFT))
         check(str(formation.schedule) == str(METHODS["sweep"].schedule(SIZE)))
-        check(formation.rnea(*model.random_state(body=RANK)).velocity.shape == (6,))
+        check(formation.rnea(*model.random_state(body=RANK), bodies=True).velocity.shape == (6,))
         check(TAIL not in formation.transport.messages)
 
 # A wrong input of one rank, in a chain of blocks.
@@ -103,7 +108,7 @@ for method in METHODS:
             wrong_force = np.zeros((len(formation.bodies) + (bad == RANK), 6))
             spoilt = [part + np.nan if bad == RANK else part for part in state]
             odd = [part[:1] if bad == RANK else part for part in state]
-            cases = [(spoilt, None, f"rank {bad}"), (state, wrong_force, "external_force")]
+            cases = [(spoilt, None, f"rank {bad}"), (state, wrong_force, "external_forces")]
             for arguments, force, word in cases + [(odd, None, "samples")] * (SIZE > 1):
                 try:
                     formation.rnea(*arguments, force)
@@ -112,4 +117,22 @@ for method in METHODS:
                     texts = COMM.allgather(str(error))
                 check(len(set(texts)) == 1 and texts[0] is not None and word in texts[0], texts)
             agrees(formation, model, 2, 6)
+
+# Where the bodies are, and what they hand on, from block to block.
+for seed in range(2):
+    counts = rng.integers(1, 5, SIZE)
+    counts[-1] += counts.sum() == SIZE
+    model = chain_of_all_joints(int(counts.sum()), seed)
+    with mp2a.DistributedModel(COMM, model, counts=counts.tolist()) as formation:
+        qs, _ = columns(model, formation.bodies)
+        own = slice(formation.bodies.start, formation.bodies.stop)
+        for samples in (None, 3):
+            q, _, _ = model.random_state(samples, seed)
+            for mine, whole in zip(formation.placement(q[..., qs]), mp2a.placements(model, q), strict=True):
+                theirs = whole[own] if samples is None else whole[:, own]
+                check(mine.shape == theirs.shape and np.allclose(mine, theirs, atol=1e-10))
+        numbers = np.arange(5.0) + 10.0 * np.arange(len(model))[:, None]
+        came = formation.send_to_children(numbers[own])
+        check(np.array_equal(came, np.concatenate((np.zeros((1, 5)), numbers))[own]))
+        check(np.array_equal(formation.broadcast([3.0, RANK]), [3.0, 0.0]))
 check.done()

@@ -1,6 +1,7 @@
 """A wrong argument on one rank alone raises the same error on every rank, and the formation works on."""
 
 import tempfile
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ from _formation import COMM, RANK, SIZE, Checks, chain_of_all_joints, own_column
 
 import mp2a
 from mp2a.methods import METHODS
+from mp2a.program.recorder import Computation
 
 check = Checks()
 
@@ -65,7 +67,7 @@ if RANK == 0:
     Path(spoilt).write_text("<robot><link")
 COMM.Barrier()
 with make(COMM, kept, "sweep") as formation:
-    torque = formation.rnea(*model.random_state(body=RANK)).torque
+    torque = formation.rnea(*model.random_state(body=RANK))
     whole = mp2a.rnea(model, *model.random_state())
     check(relative_error(torque, whole[own_columns(model)[1]], whole) < 1e-12)
 for bad in wrong_ranks:
@@ -87,12 +89,12 @@ def calls(formation, model, samples, wrong=(SIZE // 2,), odd_numbers=(1, 3)):
             cut = [part[..., :0] if bad == RANK and k == place else part for k, part in enumerate(state)]
             same_error([f"rank {bad}", f"{name}: got shape"], formation.rnea, *cut)
         force = on(bad, np.ones(5), np.ones(6))
-        same_error([f"rank {bad}", "external_force", "(5,)"], formation.rnea, *state, force)
+        same_error([f"rank {bad}", "external_forces", "(5,)"], formation.rnea, *state, force)
         for others in odd_numbers:
             if SIZE > 1 and others != (samples or 1):
                 odd = model.random_state(others, body=RANK) if bad == RANK else state
                 same_error(["samples", str(others), f"rank {max(bad, 1)}"], formation.rnea, *odd)
-    torque = formation.rnea(*state).torque
+    torque = formation.rnea(*state)
     check(relative_error(torque, whole[..., vs], whole) < 1e-12)
 
 
@@ -109,6 +111,146 @@ with make(COMM, model, "sweep") as formation:
         calls(formation, model, samples, wrong_ranks, odd_numbers=(2, 4000))
 with make(COMM, model, "sweep", network=mp2a.EmulatedNetwork(1e-3, 1e9)) as formation:
     calls(formation, model, 3)
+
+# Whatever goes wrong on one rank, in its arguments or before the call, is raised on all, and the next call works.
+
+
+class Spoilt:
+    """Not an array, and says so in a way of its own."""
+
+    def __array__(self, *_, **__):
+        raise LookupError("no numbers here")
+
+
+def same(kind, words, call, *arguments, **named):
+    """Every rank raises the same error of a type, and it holds the words expected of it."""
+    try:
+        call(*arguments, **named)
+        report = None
+    except (mp2a.InputError, mp2a.RankError) as error:
+        report = type(error), str(error)
+    reports = COMM.allgather(report)
+    check(reports[0] is not None and len(set(reports)) == 1, reports)
+    check(reports[0][0] is kind and all(word in reports[0][1] for word in words), reports[0])
+
+
+qs, vs = own_columns(model)
+q, v, a = model.random_state(body=RANK)
+sensor = OSError("no sensor")
+for bad in wrong_ranks:
+    for given in ("5ms", (1e-3,), 5, {"latency": 1}):
+        same(mp2a.InputError, [f"rank {bad}", "network: got"], make, COMM, model, network=on(bad, given, None))
+    same(
+        mp2a.InputError,
+        [f"rank {bad}", "method: got"],
+        make,
+        COMM,
+        model,
+        on(bad, np.array(["sweep", "compact"]), "sweep"),
+    )
+    same(mp2a.InputError, [f"rank {bad}", "comm: got NoneType"], make, on(bad, None, COMM), model)
+    same(mp2a.InputError, [f"rank {bad}", "samples"], mp2a.ProcessGrid, COMM, samples=on(bad, 10**30, 8))
+    for method in METHODS:
+        with make(COMM, model, method) as formation:
+            ragged = on(bad, [[1, 2], [3]], q)
+            for call in (formation.placement, lambda x: formation.rnea(x, v, a)):
+                same(mp2a.InputError, [f"rank {bad}", "q: got"], call, ragged)
+                same(mp2a.RankError, [f"rank {bad}", "LookupError", "no numbers here"], call, on(bad, Spoilt(), q))
+            for call in (formation.send_to_children, formation.broadcast):
+                same(mp2a.InputError, [f"rank {bad}", "values: got nan"], call, on(bad, [np.nan], [1.0]))
+                same(mp2a.InputError, [f"rank {bad}", "values"], call, on(bad, [], [1.0]))
+                if SIZE > 1:
+                    same(mp2a.InputError, ["3"], call, on(bad, [1.0] * 3, [1.0, 2.0]))
+            for call, arguments in (
+                (formation.rnea, (q, v, a)),
+                (formation.placement, (q,)),
+                (formation.broadcast, ([1.0],)),
+                (formation.send_to_children, ([1.0],)),
+            ):
+
+                def prepared(call=call, arguments=arguments, bad=bad, formation=formation, error=sensor):
+                    with formation.together(call) as made:
+                        if bad == RANK:
+                            raise error
+                        return made(*arguments)
+
+                same(mp2a.RankError, [f"rank {bad}: OSError: no sensor"], prepared)
+                own = mp2a.InputError("what I know")
+                same(mp2a.InputError, [f"rank {bad}: what I know"], prepared, error=own)
+
+                def forgotten(call=call, arguments=arguments, bad=bad, formation=formation):
+                    with formation.together(call) as made:
+                        return None if bad == RANK else made(*arguments)
+
+                same(mp2a.InputError, [f"rank {bad}: together", call.__name__], forgotten)
+            for flag in (True, False) if SIZE > 1 else ():
+                words = ["bodies", f"rank {max(bad, 1)}"]
+                same(mp2a.InputError, words, formation.rnea, q, v, a, bodies=on(bad, flag, not flag))
+            whole = mp2a.rnea(model, *model.random_state())
+            check(relative_error(formation.rnea(q, v, a), whole[vs], whole) < 1e-12)
+
+# Memory that is not there in the middle of a call of many samples, on one rank.
+for method in METHODS:
+    with make(COMM, model, method) as formation:
+        many = model.random_state(4000, body=RANK)
+        program = formation._calls.program("rnea")
+        last = [x for x in program.layout.program.instructions if isinstance(x, Computation)][-1].operation
+        for bad in wrong_ranks:
+            function = last.function
+
+            def fails(*_, **__):
+                raise MemoryError("none left")
+
+            if bad == RANK:
+                last.function = fails
+            same(mp2a.RankError, [f"rank {bad}: MemoryError: none left"], formation.rnea, *many)
+            last.function = function
+            COMM.Barrier()
+        check(relative_error(formation.rnea(*many), mp2a.rnea(model, *model.random_state(4000))[:, vs], many[1]) < 1e-9)
+
+# Another thread, a closed formation, a call that was broken off.
+formation = make(COMM, model, "sweep")
+reports = []
+
+
+def call_it():
+    try:
+        formation.rnea(q, v, a)
+    except mp2a.RankError as error:
+        reports.append(str(error))
+
+
+thread = threading.Thread(target=call_it)
+thread.start()
+thread.join()
+check(len(reports) == 1 and "another thread" in reports[0], reports)
+check(relative_error(formation.rnea(q, v, a), whole[vs], whole) < 1e-12)
+formation.close()
+try:
+    formation.rnea(q, v, a)
+    check(False)
+except mp2a.RankError as error:
+    check("closed" in str(error))
+formation = make(COMM, model, "sweep")
+formation.rnea(q, v, a)
+
+
+def interrupted(*_):
+    raise KeyboardInterrupt
+
+
+formation._block.inputs = interrupted
+try:
+    formation.rnea(q, v, a)
+    check(False)
+except KeyboardInterrupt:
+    check(formation._calls.program("rnea").compiled is None)
+try:
+    formation.rnea(q, v, a)
+    check(False)
+except mp2a.RankError as error:
+    check("broken off" in str(error))
+formation.close()
 
 # No unit quaternion, and no unit cosine and sine, on the ranks that have some.
 for rank, joint in enumerate(model.joints):

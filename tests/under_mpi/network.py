@@ -7,14 +7,14 @@ from _formation import COMM, RANK, SIZE, Checks
 
 import mp2a
 from mp2a.cores import USUAL_SLACK, timer_slack
-from mp2a.transport.link import make_link, measure
+from mp2a.transport.link import make_link, measure_latency
 from mp2a.transport.wait import wait, wait_unless
 
 check = Checks()
 for network in (mp2a.EmulatedNetwork(5e-3, 1e8), mp2a.EmulatedNetwork(0.0, 1e7), mp2a.EmulatedNetwork(1e-3, 1e12)):
     link = make_link(COMM, network)
     for doubles in (1, 42, 10_000):
-        times = measure(link, doubles, 5)
+        times = measure_latency(link, doubles, 5)
         check((len(times) == 5) == (RANK == 0 and SIZE > 1))
         check(all(seconds >= network.seconds(doubles) for seconds in times), doubles, times)
         COMM.Barrier()

@@ -18,7 +18,7 @@ for along in (None, *(k for k in range(1, SIZE + 1) if SIZE % k == 0)):
         check(along is None or table.chain_comm.Get_size() == along)
         with mp2a.DistributedModel(table.chain_comm, model) as part:
             qs, vs, mine = part.q_columns, part.v_columns, table.local_slice
-            torque = part.rnea(q[mine, qs], v[mine, vs], a[mine, vs]).torque
+            torque = part.rnea(q[mine, qs], v[mine, vs], a[mine, vs])
             check(relative_error(torque, whole[mine, vs], whole) < 1e-12, along)
             done = np.zeros_like(whole)
             done[mine, vs] = 1.0

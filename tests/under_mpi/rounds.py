@@ -9,9 +9,9 @@ from mpi4py import MPI
 import mp2a
 from mp2a import kernels
 from mp2a.methods import METHODS
-from mp2a.transport import native
+from mp2a.methods.block import Block
+from mp2a.program.rank import RankProgram
 from mp2a.transport.link import MPILink
-from mp2a.transport.mpi import MPITransport
 from mp2a.validation import check_state
 
 check = Checks()
@@ -20,7 +20,12 @@ FORMATIONS = [(m, b) for m in METHODS for b in (1, 3) if m != "kogge-stone" or b
 
 
 def torques(formation, state):
-    return [formation.rnea(*(part[t] for part in state)).torque for t in range(len(state[0]))]
+    return [formation.rnea(*(part[t] for part in state)) for t in range(len(state[0]))]
+
+
+def is_compiled(formation):
+    """Whether the rounds of the last call are kept, compiled, for the next one."""
+    return formation._calls.program("rnea").compiled is not None
 
 
 for method, branching in FORMATIONS:
@@ -36,38 +41,34 @@ for method, branching in FORMATIONS:
                 check(np.abs(ours - theirs).max() <= 1e-13 * np.abs(whole).max(), method)
             one, other = recorded.transport, traced.transport
             check((one.messages, one.doubles) == (other.messages, other.doubles))
-            check(not other.programs)
-            # One program a recurrence, and none where kernels could not be compiled.
-            expected = {round_.recurrence for round_ in recorded.schedule.rounds}
-            check(set(one.programs) == expected)
-            check(all((program is not None) == compiled for program in one.programs.values()))
+            check(not is_compiled(traced))
+            check(is_compiled(recorded) == compiled)
         # What a call returns stays as it is when the next one runs.
-        first = recorded.rnea(*(part[0] for part in state))
-        kept = [x.copy() for x in (first.velocity, first.acceleration, first.force, first.torque)]
-        recorded.rnea(*(part[1] for part in state))
-        again = (first.velocity, first.acceleration, first.force, first.torque)
-        check(all(np.array_equal(a, b) for a, b in zip(again, kept, strict=True)))
+        first = recorded.rnea(*(part[0] for part in state), bodies=True)
+        parts = (first.velocity, first.acceleration, first.force, first.torque, *first.placement)
+        kept = [x.copy() for x in parts]
+        recorded.rnea(*(part[1] for part in state), bodies=True)
+        check(all(np.array_equal(a, b) for a, b in zip(parts, kept, strict=True)))
 
 # Many samples: nothing is kept.
 model = chain_of_all_joints()
 with mp2a.DistributedModel(COMM, model, "sweep") as formation:
-    for samples, kept in ((1, SIZE > 1), (1500, False), (1, SIZE > 1)):
+    for samples, kept in ((1, compiled), (5000, compiled and SIZE == 1), (1, compiled)):
         formation.rnea(*model.random_state(samples, body=RANK))
-        check(bool(formation.transport.programs) == kept)
+        check(is_compiled(formation) == kept, samples)
 
-# Ranks that record and ranks that cannot understand each other.
+# Ranks that run compiled rounds and ranks that cannot understand each other.
+real = kernels.rounds
 if RANK % 2:
-    native.kernels.rounds, real = lambda: None, kernels.rounds
+    kernels.rounds = lambda: None
 qs, vs = own_columns(model)
 whole = mp2a.rnea(model, *model.random_state())
 for method in METHODS:
     with mp2a.DistributedModel(COMM, model, method) as formation:
         for _ in range(3):
-            check(relative_error(formation.rnea(*model.random_state(body=RANK)).torque, whole[vs], whole) < 1e-12)
-        programs = formation.transport.programs.values()
-        check(all((program is not None) == (compiled and not RANK % 2) for program in programs))
-if RANK % 2:
-    native.kernels.rounds = real
+            check(relative_error(formation.rnea(*model.random_state(body=RANK)), whole[vs], whole) < 1e-12)
+        check(is_compiled(formation) == (compiled and not RANK % 2))
+kernels.rounds = real
 
 # An input that is wrong on one rank, at first and later; the others record or have recorded.
 for method in METHODS:
@@ -82,23 +83,22 @@ for method in METHODS:
                         check(False)
                     except mp2a.InputError as error:
                         check(f"rank {bad}" in str(error))
-                torque = formation.rnea(*state).torque
+                torque = formation.rnea(*state)
                 check(relative_error(torque, whole[..., vs], whole) < 1e-12, method, bad, samples)
 
 # An error of MPI in the middle of recorded rounds is raised; it does not crash and is not lost.
 if compiled and SIZE > 1:
     comm = COMM.Dup()
     method = METHODS["sweep"]
-    transport = MPITransport(MPILink(comm), method.schedule(SIZE))
+    block = Block(model.body(RANK), RANK, RANK == 0, np.zeros(3))
+    program = RankProgram(block.record(method, method.schedule(SIZE)), MPILink(comm))
     state = check_state(model.body(RANK), *model.random_state(body=RANK), None)
-    method.solve(model.body(RANK), state, np.zeros(3), method.schedule(SIZE), transport)
-    transport.flush()
-    (program,) = transport.programs.values()
-    steps = program.steps[program.steps[:, 0] == kernels.STEPS.index("start")]
+    program.run(block.inputs(state, program.inputs), 1, 2)
+    steps = program.compiled.steps[program.compiled.steps[:, 0] == kernels.STEPS.index("start")]
     null = ctypes.string_at(MPI._addressof(MPI.REQUEST_NULL), MPI._sizeof(MPI.Request))
     ctypes.memmove(int(steps[0, 2]), null, len(null))
     try:
-        method.solve(model.body(RANK), state, np.zeros(3), method.schedule(SIZE), transport)
+        program.run(block.inputs(state, program.inputs), 1, 2)
         check(False)
     except MPI.Exception as error:
         check(error.Get_error_class() == MPI.ERR_REQUEST)

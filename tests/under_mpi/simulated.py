@@ -6,7 +6,7 @@ import numpy as np
 from _formation import COMM, RANK, SIZE, Checks
 
 import mp2a
-from mp2a.formation import Formation, March, OneProcess, OverRanks, waypoints
+from mp2a.formation import Formation, FormationController, LocalExchange, MPIExchange, waypoints
 from mp2a.formation.robot_models import HUSKY
 from mp2a.simulator import FormationSimulationDriver
 from mp2a.simulator.ranks import simulate_over_ranks
@@ -29,15 +29,19 @@ def world_for(controller):
 
 
 with mp2a.DistributedModel(COMM, formation.model, "sweep") as ranks:
-    mine = FormationSimulationDriver(March(formation, PATH if RANK == 0 else None, OverRanks(ranks)), HUSKY)
+    mine = FormationSimulationDriver(
+        FormationController(formation, PATH if RANK == 0 else None, MPIExchange(ranks)), HUSKY
+    )
     poses = []
     simulate_over_ranks(COMM, mine, (lambda controller: poses.append(world_for(controller))) if RANK == 0 else None)
 if RANK:
     check(not {"shapely", "matplotlib", "rich", "lark", "numba", "pinocchio"} & set(sys.modules), RANK)
 parts = COMM.gather((np.array(mine.leaders), mine.events, mine.record))
-check(bool(mine.march.state.failed[0]) == (RANK == SIZE - 1))
+check(bool(mine.march.state.errors.failed[0]) == (RANK == SIZE - 1))
 if RANK == 0:
-    whole = FormationSimulationDriver(March(formation, PATH, OneProcess(formation.model, "sweep")), HUSKY)
+    whole = FormationSimulationDriver(
+        FormationController(formation, PATH, LocalExchange(formation.model, "sweep")), HUSKY
+    )
     expected = world_for(whole.step)
     check(np.abs(expected - poses[0]).max() < 1e-9)
     leaders = np.concatenate([part[0] for part in parts], axis=1)

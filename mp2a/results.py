@@ -1,0 +1,83 @@
+"""What inverse dynamics returns, in one process and over ranks."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from mp2a.spatial import Array
+
+
+class Placement(NamedTuple):
+    """Where bodies are in the base frame: the rotation and translation that take a body's coordinates there.
+
+    With leading axes as those of the other results: ``(n, 3, 3)`` and ``(n, 3)`` for n bodies, T in front for samples.
+    """
+
+    rotation: Array
+    """``(..., 3, 3)``: the body's to the base frame."""
+    translation: Array
+    """``(..., 3)``: the body's origin in the base frame, m."""
+
+
+class InverseDynamics:
+    """Motion and force of bodies, each in its own frame at its own origin, ``[angular; linear]``.
+
+    From `mp2a.rnea` the arrays hold all n bodies, ``(n, 6)`` or ``(T, n, 6)``; from `mp2a.DistributedModel` the rank's
+    own body, ``(6,)`` or ``(T, 6)``, or its m bodies, ``(m, 6)`` or ``(T, m, 6)``.
+
+    Parameters
+    ----------
+    velocity, acceleration, force, torque, placement
+        The attributes. A placement that is a function is called when the attribute is first read.
+
+    Attributes
+    ----------
+    velocity
+        ``V = [ω; v]``, rad/s and m/s (paper, eq. 4).
+    acceleration
+        ``V̇ = [ω̇; v̇]``, rad/s² and m/s² (eq. 5), with v̇ the classical acceleration of the origin. Gravity enters as an
+        acceleration -g of the base, so a body at rest shows -g: what an accelerometer on it reads.
+    force
+        ``F = [τ; f]`` that the joint passes to the body, N m and N (eq. 6).
+    torque
+        ``τ = Hᵀ F``, ``(nv,)`` or ``(T, nv)``, N m and N.
+    """
+
+    __slots__ = ("_placement", "acceleration", "force", "torque", "velocity")
+
+    def __init__(
+        self,
+        velocity: Array,
+        acceleration: Array,
+        force: Array,
+        torque: Array,
+        placement: Placement | Callable[[], Placement],
+    ) -> None:
+        self.velocity = velocity
+        self.acceleration = acceleration
+        self.force = force
+        self.torque = torque
+        self._placement = placement
+
+    @property
+    def placement(self) -> Placement:
+        """The bodies' placements in the base frame, a `Placement` ``(…, 3, 3)`` and ``(…, 3)`` m.
+
+        Where a method has no use for them itself they are worked out, for the coordinates of the call, when they are
+        first asked for.
+        """
+        if not isinstance(self._placement, Placement):
+            self._placement = self._placement()
+        return self._placement
+
+    def defer_placement(self, place: Callable[[], Placement]) -> None:
+        """Forget the placement; the next to ask gets what ``place`` works out."""
+        self._placement = place
+
+    def __repr__(self) -> str:
+        shapes = ", ".join(
+            f"{name} {getattr(self, name).shape}" for name in ("velocity", "acceleration", "force", "torque")
+        )
+        return f"<InverseDynamics: {shapes}, placement>"
+
+    def __reduce__(self) -> tuple[type, tuple[Array, Array, Array, Array, Placement]]:
+        return InverseDynamics, (self.velocity, self.acceleration, self.force, self.torque, self.placement)
