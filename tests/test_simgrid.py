@@ -315,6 +315,14 @@ def test_the_figure_holds_every_time_and_says_simulated(tmp_path):
     assert save_figure(figure, tmp_path / "new" / "a.png").stat().st_size > 10_000
 
 
+def test_one_number_of_robots_gives_rows():
+    held = results()
+    held["points"] = [p for p in held["points"] if p["n"] == 8]
+    for axes in simulated_figure(held).axes:
+        assert {text.get_text() for text in axes.get_yticklabels()} >= {"sweep", "compact"}
+        assert len(axes.texts) == len(simulated.CONTENDERS)
+
+
 def test_a_gap_is_mentioned_in_the_figure():
     def remarks(held):
         return [text.get_text() for legend in simulated_figure(held).legends for text in legend.get_texts()]

@@ -187,19 +187,19 @@ def write_roles(axes: Axes, recording: Recording, tick: int) -> list[Text]:
     list of Text
         A text for each robot, at its place; of robots without a name it is empty.
     """
-    left, right = axes.get_xlim()
-    metre = _POINTS * (_WIDTH - _BESIDE) / (right - left)
+    wide, tall = np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
+    metre = _POINTS * min((_WIDTH - _BESIDE) / wide, _TALLEST / tall)
     place = recording.poses[tick, :, :2] * metre
     lengths, widths = np.array([(model.length, model.width) for model in recording.models]).T * metre
-    wide = max(map(len, recording.roles)) * 0.75 * _ROLE  # points that a name takes
-    inside = bool(wide < widths.min())
+    long = max(map(len, recording.roles)) * 0.75 * _ROLE  # points that a name takes
+    inside = bool(long < widths.min())
     above = 0.0 if inside else float(np.hypot(lengths, widths).max()) / 2 + 1
     shift = axes.transData + ScaledTranslation(0, above / _POINTS, axes.figure.dpi_scale_trans)
     style: dict[str, Any] = {"fontsize": _ROLE, "fontweight": "bold", "color": INK, "ha": "center", "zorder": 8}
     written: list[int] = []
     out = []
     for i, (x, y) in enumerate(recording.poses[tick, :, :2]):
-        free = (np.abs(place[written] - place[i]) > (wide, 1.1 * _ROLE)).any(axis=1).all()
+        free = (np.abs(place[written] - place[i]) > (long, 1.3 * _ROLE)).any(axis=1).all()
         written += [i] if free else []
         text = axes.text(x, y, recording.roles[i] if free else "", transform=shift, **style)
         text.set(va="center" if inside else "bottom", path_effects=[withStroke(linewidth=1.5, foreground="white")])

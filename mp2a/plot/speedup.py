@@ -36,7 +36,7 @@ _AMDAHL = "#b9b9b9"
 _LINES: dict[str, Dashes] = {"measured": "-", "extrapolated": (0, (1, 1.5))}
 _GROUPS = {"measured": "measured, wall clock", "extrapolated": "extrapolated, a core a robot"}
 _PAPER = Look(f"paper: S = {PAPER_SPEEDUP} at n = {PAPER_ROBOTS}", INK, "*")
-_LABEL_GAP = 12.0  # points from one label of Amdahl's law to the next
+_LABEL_GAP = 11.0  # points from one label of Amdahl's law to the next
 
 
 class Speedup(NamedTuple):
