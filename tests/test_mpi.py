@@ -1,4 +1,4 @@
-"""Programs of tests/under_mpi, run by mpirun with 1, 2, 3, 5 and 8 ranks.
+"""Programs of tests/under_mpi, run by mpirun with 1, 2, 3, 5 and 8 ranks, or up to 3 where ranks spin.
 
 One program alone: ``mpirun -n 3 python -m mpi4py tests/under_mpi/rounds.py``.
 """
@@ -11,13 +11,16 @@ from pathlib import Path
 import pytest
 
 from mp2a import launch
+from mp2a.launch.command import find_mpirun, open_mpi_version
 
 FOLDER = Path(__file__).with_name("under_mpi")
 PROGRAMS = sorted(path.stem for path in FOLDER.glob("[a-z]*.py"))
+# MPICH's ranks spin while they wait: with more of them than cores a message takes as long as a time slice.
+RANKS = (1, 2, 3, 5, 8) if open_mpi_version(find_mpirun()) else (1, 2, 3)
 FIRST = "simulated"  # it looks at what its ranks have loaded, so nothing may run before it
 
 
-@pytest.mark.parametrize("ranks", (1, 2, 3, 5, 8))
+@pytest.mark.parametrize("ranks", RANKS)
 def test_programs(ranks):
     """A rank that raises ends all. Every program says how many checks it made, so that one that makes none fails."""
     programs = sorted(PROGRAMS, key=lambda program: program != FIRST)

@@ -5,6 +5,6 @@ process (`forked`), which mpirun does not know: it starts and watches a stand-in
 """
 
 from mp2a.launch.command import Launch, mpirun_command
-from mp2a.launch.process import end, run, start
+from mp2a.launch.process import Ranks, end, run, start
 
-__all__ = ["Launch", "end", "mpirun_command", "run", "start"]
+__all__ = ["Launch", "Ranks", "end", "mpirun_command", "run", "start"]
