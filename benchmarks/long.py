@@ -1,7 +1,7 @@
 """One sample of chains of up to a million bodies: time, memory, and pinocchio as far as its memory goes.
 
     python benchmarks/long.py
-    python benchmarks/long.py --n 1000,100000 --markdown
+    python benchmarks/long.py --n 1000,100000 --format markdown
 
 All contenders of all lengths take turns in one run. Writes results/long.json and draws results/long.png; memory is that
 of a process of its own for each length.
@@ -20,16 +20,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
-from measure import Contender, Table, describe, machine, numbers, ratio, save, show, take_turns
+from measure import Contender, finish, need_kernels, ratio, script_parser, spread, take_turns
 from rich.console import Console
 
 import mp2a
-from mp2a import Model, kernels
+from mp2a import Model
+from mp2a.bench.machine import describe_machine
+from mp2a.cli.options import ranks as numbers
 from mp2a.cores import available_memory
 from mp2a.kernels.long import WORTH_IT
-from mp2a.plot.style import FAINT, LOOKS, Look, canvas, curve, handle, legends, styled, target
-from mp2a.plot.style import save as save_figure
+from mp2a.plot.looks import FAINT, LOOKS, Look
+from mp2a.plot.style import canvas, curve, handle, legends, save_figure, styled
 from mp2a.reference import data_bytes
+from mp2a.tables import Column, Table, show_plain, show_ratio, show_seconds
 
 OURS = {
     1: Look("mp2a, 1 thread", "#0072B2", "o"),
@@ -43,21 +46,16 @@ HELD, ADDED = Look("chain and its state", "#56B4E9", "s"), Look("the call, at it
 
 def main() -> None:
     """Measure, save, draw and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = script_parser(__doc__, "long.json")
     parser.add_argument("--n", type=numbers, default=[8, 32, 128, 512, 10**3, 10**4, 10**5, 10**6], help="bodies")
-    parser.add_argument("--repeats", type=int, default=9, help="turns of each contender (default: 9)")
-    parser.add_argument("--markdown", action="store_true", help="print tables in Markdown")
-    parser.add_argument("--out", type=Path, default=Path("results/long.json"))
     parser.add_argument("--memory", type=int, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.memory:
         print(json.dumps(memory(options.memory)))
         return
-    status = kernels.build()
-    if not status.compiled:
-        sys.exit(f"there are no compiled kernels: {status.why}")
+    need_kernels()
     with Console(stderr=True).status("") as spinner:
-        results: dict[str, Any] = {"machine": machine()}
+        results: dict[str, Any] = {"machine": describe_machine()}
         lengths = results["lengths"] = []
         contenders = {}
         for n in options.n:
@@ -75,12 +73,8 @@ def main() -> None:
             contenders |= ours(model, state) | pinocchio(model, state)
         spinner.update("taking turns")
         results["seconds"] = take_turns(contenders, options.repeats)
-    save(results, options.out)
-    print(describe(results["machine"]), end="\n\n")
-    show(tables(results), markdown=options.markdown)
-    out = target(options.out.with_suffix(".png"))
-    with styled():
-        print(save_figure(figure(results), out))
+    finish(results, tables(results), [], options)
+    print(save_figure(figure(results), options.out.with_suffix(".png")))
 
 
 def random_state(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -136,30 +130,25 @@ def tables(results: dict[str, Any]) -> list[Table]:
     """Make the table of lengths."""
     seconds = results["seconds"]
     last = max((int(name.split()[1]) for name in seconds if name.startswith("pinocchio")), default=None)
-    headings = ["n", "ns a body, 1 thread", "2 threads", "pinocchio", "pinocchio at this n, over 1 thread"]
+    columns = [Column("n"), *(Column(name, show_plain) for name in ("ns a body, 1 thread", "2 threads", "pinocchio"))]
+    columns.append(Column("pinocchio at this n, over 1 thread", show_ratio))
     if last:
-        headings += [f"pinocchio at {last}, over 1 thread", "over 2 threads"]
-    headings += ["first call", "chain made in", "bytes a body, chain and state", "call"]
+        columns += [Column(name, show_ratio) for name in (f"pinocchio at {last}, over 1 thread", "over 2 threads")]
+    columns += [Column(name, show_seconds, "s") for name in ("first call", "chain made in")]
+    columns += [Column(name, "{:.0f}".format) for name in ("bytes a body, chain and state", "call")]
     rows = []
-    for found in results["lengths"]:
-        n = found["n"]
+    for length in results["lengths"]:
+        n = length["n"]
         one, two, theirs = f"1 {n}", f"2 {n}", f"pinocchio {n}"
-        cells = [
-            f"{1e9 * statistics.median(seconds[name]):.3g}" if name in seconds else "-" for name in (one, two, theirs)
-        ]
-        cells.append(over(seconds, theirs, one))
+        row: list[Any] = [n, *(spread(seconds, name, 1e9) for name in (one, two, theirs)), ratio(seconds, theirs, one)]
         if last:
-            cells += [over(seconds, f"pinocchio {last}", name) for name in (one, two)]
-        held = [f"{found['memory'][key] / n:.0f}" if n >= WORTH_IT else "-" for key in ("held", "added")]
-        rows.append([f"{n}", *cells, f"{1e3 * found['first']:.3g} ms", f"{1e3 * found['build']:.3g} ms", *held])
-    return [Table("one sample of a long chain", headings, rows)]
+            row += [ratio(seconds, f"pinocchio {last}", name) for name in (one, two)]
+        held = [length["memory"][key] / n if n >= WORTH_IT else None for key in ("held", "added")]
+        rows.append([*row, length["first"], length["build"], *held])
+    return [Table("one sample of a long chain", columns, rows)]
 
 
-def over(seconds: dict[str, list[float]], slow: str, fast: str) -> str:
-    """Write a ratio where there is one."""
-    return f"{ratio(seconds, slow, fast):.3g}×" if slow in seconds and fast in seconds else "-"
-
-
+@styled()
 def figure(results: dict[str, Any]) -> Figure:
     """Draw time and memory over the number of bodies."""
     drawn = canvas(7.2, 3.4)

@@ -10,7 +10,7 @@ import time
 import numpy as np
 
 from mp2a import kernels
-from mp2a.formation import Discs, Formation, March, OneProcess, waypoints
+from mp2a.formation import Discs, Formation, FormationController, LocalExchange, waypoints
 
 TICK = 0.1
 PATH = waypoints([[0, 0], [40, 0], [40, 40], [120, 60]], 5.0)
@@ -22,7 +22,7 @@ def ticks(robots: int, shape: str, method: str, count: int) -> np.ndarray:
     reach = 2.0 * robots if shape == "line" else 2.0 * np.sqrt(robots)
     world = Discs(np.column_stack((rng.uniform(-reach, 20, 30), rng.uniform(-3, 3, 30), np.full(30, 0.3))))
     formation = Formation.of(shape, robots)
-    march = March(formation, PATH, OneProcess(formation.model, method))
+    march = FormationController(formation, PATH, LocalExchange(formation.model, method))
     times = []
     for _ in range(2 * count):
         sensed = world.sense(march.state.pose)

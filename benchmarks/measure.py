@@ -1,18 +1,19 @@
-"""What the benchmarks share: contenders that take turns, medians of ratios, tables for people and for Markdown."""
+"""What the benchmarks share: contenders that take turns, ratios of turns, the options and the end of a script."""
 
-import json
-import os
-import platform
+import argparse
 import random
 import statistics
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import mp2a
+from mp2a import kernels
+from mp2a.bench.machine import machine_line
+from mp2a.bench.results import write_json
+from mp2a.cli.options import add_format
+from mp2a.tables import Spread, Table, show
 
 TURN = 5e-3
 """Seconds that a contender's turn takes at least; a turn's time is the median of its calls."""
@@ -26,16 +27,8 @@ class Contender(NamedTuple):
     """What takes turns with others."""
 
     run: Callable[[], object]
-    samples: int
+    samples: int = 1
     """How many one call works out."""
-
-
-class Table(NamedTuple):
-    """Words and figures in columns."""
-
-    title: str
-    headings: Sequence[str]
-    rows: Sequence[Sequence[str]]
 
 
 def take_turns(contenders: Mapping[str, Contender], repeats: int) -> Times:
@@ -56,9 +49,16 @@ def take_turns(contenders: Mapping[str, Contender], repeats: int) -> Times:
     return times
 
 
-def ratio(times: Times, slow: str, fast: str) -> float:
-    """Median over the repeats of how many times longer ``slow`` took than ``fast``."""
-    return statistics.median(a / b for a, b in zip(times[slow], times[fast], strict=True))
+def ratio(times: Times, slow: str, fast: str) -> Spread | None:
+    """Return how many times longer ``slow`` took than ``fast`` in each repeat; None if one of them was not measured."""
+    if slow not in times or fast not in times:
+        return None
+    return Spread.of(a / b for a, b in zip(times[slow], times[fast], strict=True))
+
+
+def spread(times: Times, name: str, part: float = 1.0) -> Spread | None:
+    """Return a part of the times of a contender; None if it was not measured."""
+    return Spread.of(part * time for time in times[name]) if name in times else None
 
 
 def _calls(function: Callable[[], object]) -> int:
@@ -74,66 +74,23 @@ def seconds(function: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def numbers(text: str) -> list[int]:
-    """Read whole numbers with commas between them, for argparse."""
-    return [int(word) for word in text.split(",")]
+def script_parser(description: str | None, out: str, repeats: int = 9) -> argparse.ArgumentParser:
+    """Make a script's parser with the options that all have; ``out`` is the results file's name."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repeats", type=int, default=repeats, help="turns of each contender (default: %(default)s)")
+    add_format(parser)
+    parser.add_argument("--out", type=Path, default=Path("results") / out, help="results file (default: %(default)s)")
+    return parser
 
 
-def machine() -> dict[str, Any]:
-    """Tell what is measured on: processor, versions, and how busy it is."""
-    packages = {"mp2a": mp2a.__version__} | {name: version(name) for name in ("numpy", "numba", "pin")}
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
-    return {"processor": _processor(), "cores": os.cpu_count(), "python": platform.python_version(), "load": load} | (
-        packages
-    )
+def need_kernels() -> None:
+    """End the program where there are no compiled kernels."""
+    status = kernels.build()
+    if not status.compiled:
+        sys.exit(f"there are no compiled kernels: {status.why}")
 
 
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor()
-    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "unknown")
-
-
-def describe(facts: Mapping[str, Any]) -> str:
-    """Write `machine`'s facts in a line."""
-    load = "" if facts["load"] is None else f"; load {facts['load']:.1f} when it began"
-    versions = ", ".join(f"{name} {facts[name]}" for name in ("python", "mp2a", "numpy", "numba", "pin"))
-    return f"{facts['processor']}, {facts['cores']} cores{load}; {versions}"
-
-
-def show(tables: Sequence[Table], *, markdown: bool) -> None:
-    """Print tables, for a page of the documentation or for a terminal."""
-    for table in tables:
-        if markdown:
-            print(f"{table.title}\n\n{as_markdown(table)}\n")
-        else:
-            _print(table)
-
-
-def as_markdown(table: Table) -> str:
-    """Write a table's headings and rows in Markdown."""
-    lines = [table.headings, ["---"] * len(table.headings), *table.rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def _print(table: Table) -> None:
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table as Drawn
-
-    # A pipe has no width to keep to.
-    console = Console(width=None if sys.stdout.isatty() else 200)
-    drawn = Drawn(title=table.title, box=box.SIMPLE, title_justify="left")
-    for k, heading in enumerate(table.headings):
-        drawn.add_column(heading, justify="right" if k else "left")
-    for row in table.rows:
-        drawn.add_row(*row)
-    console.print(drawn)
-
-
-def save(results: Mapping[str, Any], path: Path) -> None:
-    """Write results as JSON; the folder is created."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+def finish(results: dict[str, Any], tables: Sequence[Table], notes: Sequence[str], options: argparse.Namespace) -> None:
+    """Print what was measured, and write it to the results file."""
+    show(tables, [*notes, f"Measured on {machine_line(results['machine'])}."], options.format)
+    write_json(options.out, results)

@@ -66,7 +66,7 @@ def measure() -> Peaks:
     for name in kernels:
         run = native.function(name, ctypes.c_int64, ctypes.c_void_p)
         found[name] = CHAINS * count / _fastest(partial(run, count, numbers.ctypes.data))
-    single = Native(_DECLARED + _loop("one", fma, models=1))
+    single = Native(_DECLARED + _loop("one", fma, chains=1))
     one = single.function("one", ctypes.c_int64, ctypes.c_void_p)
     return Peaks(**found, wait=_fastest(partial(one, count, numbers.ctypes.data)) / count)
 
@@ -110,15 +110,15 @@ _VECTOR = f"<{LANES} x double>"
 _DECLARED = f"declare {_VECTOR} @llvm.fma.v{LANES}f64({_VECTOR}, {_VECTOR}, {_VECTOR})\n"
 
 
-def _loop(name: str, *operations: str, models: int = CHAINS) -> str:
+def _loop(name: str, *operations: str, chains: int = CHAINS) -> str:
     """Write a loop in which vectors go through operations, each through one."""
     starts = "\n".join(
         f"%p{k} = getelementptr {_VECTOR}, ptr %at, i64 {k}\n%s{k} = load {_VECTOR}, ptr %p{k}, align 8"
-        for k in range(models)
+        for k in range(chains)
     )
-    phis = "\n".join(f"%x{k} = phi {_VECTOR} [ %s{k}, %entry ], [ %y{k}, %loop ]" for k in range(models))
-    work = "\n".join(f"%y{k} = {operations[k % len(operations)].format(k=k)}" for k in range(models))
-    ends = "\n".join(f"store {_VECTOR} %y{k}, ptr %p{k}, align 8" for k in range(models))
+    phis = "\n".join(f"%x{k} = phi {_VECTOR} [ %s{k}, %entry ], [ %y{k}, %loop ]" for k in range(chains))
+    work = "\n".join(f"%y{k} = {operations[k % len(operations)].format(k=k)}" for k in range(chains))
+    ends = "\n".join(f"store {_VECTOR} %y{k}, ptr %p{k}, align 8" for k in range(chains))
     return f"""
         define void @{name}(i64 %count, ptr %at) {{
         entry:

@@ -1,16 +1,13 @@
 """What one core could reach at most, and what the batched recursion reaches of it.
 
-    python benchmarks/roofline.py --markdown
+    python benchmarks/roofline.py --format markdown
 
 Counts the vector instructions of a revolute body in what the compiler makes of the formulas, and the bytes that go to
 and from memory; measures what this processor can do of either; and times the recursion beside that. Writes
 results/roofline.json and draws results/roofline.png.
 """
 
-import argparse
 import statistics
-import sys
-from pathlib import Path
 from typing import Any
 
 import counts
@@ -20,14 +17,17 @@ from batch import ours
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
-from measure import Table, describe, machine, numbers, save, show, take_turns
+from measure import finish, need_kernels, script_parser, spread, take_turns
 from rich.console import Console
 
-from mp2a import Model, kernels
+from mp2a import Model
+from mp2a.bench.machine import describe_machine
+from mp2a.cli.options import ranks as numbers
 from mp2a.kernels.symbols import LANES
 from mp2a.kernels.tables import NUMBER_FORMATS, make_tables
-from mp2a.plot.style import FAINT, INK, Look, canvas, curve, handle, legends, robots_axis, styled, target
-from mp2a.plot.style import save as save_figure
+from mp2a.plot.looks import FAINT, INK, Look
+from mp2a.plot.style import canvas, curve, handle, legends, robots_axis, save_figure, styled
+from mp2a.tables import Column, Table, show_plain
 
 CASES = {
     "rows": Look("torque, (T, n)", "#0072B2", "o"),
@@ -44,31 +44,22 @@ _LARGEST_STREAM = 4_000_000
 
 def main() -> None:
     """Measure, save, draw and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = script_parser(__doc__, "roofline.json")
     parser.add_argument("--n", type=numbers, default=[8, 32, 128, 512], help="numbers of bodies")
     parser.add_argument("--samples", type=int, default=2000, help="T (default: 2000)")
-    parser.add_argument("--repeats", type=int, default=9, help="turns of each case (default: 9)")
-    parser.add_argument("--markdown", action="store_true", help="print tables in Markdown")
-    parser.add_argument("--out", type=Path, default=Path("results/roofline.json"))
     options = parser.parse_args()
-    status = kernels.build()
-    if not status.compiled:
-        sys.exit(f"there are no compiled kernels: {status.why}")
+    need_kernels()
     with Console(stderr=True).status("arithmetic") as spinner:
-        results: dict[str, Any] = {"machine": machine(), "samples": options.samples}
+        results: dict[str, Any] = {"machine": describe_machine(), "samples": options.samples}
         results["peaks"] = peaks.measure()._asdict()
-        results["chains"] = counts.models()
+        results["chains"] = counts.chains()
         results["counts"] = {case: {part: count._asdict() for part, count in counted(case).items()} for case in CASES}
         results["runs"] = []
         for n in options.n:
             spinner.update(f"n = {n}")
             results["runs"].append(run(n, options.samples, options.repeats))
-    save(results, options.out)
-    print(describe(results["machine"]), end="\n\n")
-    show(tables(results), markdown=options.markdown)
-    out = target(options.out.with_suffix(".png"))
-    with styled():
-        print(save_figure(figure(results), out))
+    finish(results, tables(results), [], options)
+    print(save_figure(figure(results), options.out.with_suffix(".png")))
 
 
 def counted(case: str) -> dict[str, counts.Count]:
@@ -138,43 +129,49 @@ def measured(run: dict[str, Any], case: str) -> float:
 
 def tables(results: dict[str, Any]) -> list[Table]:
     """Make the tables: instructions, the machine, how near."""
-    headings = ["part", "fused", "products", "sums", "others"]
+    columns = [Column("part", left=True)]
+    columns += [Column(kind, "{:g}".format) for kind in ("fused", "products", "sums", "others")]
     parts = {**results["counts"]["rows bodies"]}
     for part in [name for name in parts if name in results["counts"]["rows"]]:
         parts[part] = results["counts"]["rows"][part]
-    rows = [[part, *(f"{number:g}" for number in count.values())] for part, count in parts.items()]
+    rows: list[list[Any]] = [[part, *count.values()] for part, count in parts.items()]
     for case in ("rows", "rows bodies"):
         total = sum((counts.Count(**count) for count in results["counts"][case].values()), counts.Count())
-        rows.append([f"all, {CASES[case].label}", *(f"{number:g}" for number in total)])
-    out = [Table(f"instructions a body on {LANES} samples", headings, rows)]
+        rows.append([f"all, {CASES[case].label}", *total])
+    out = [Table(f"instructions a body on {LANES} samples", columns, rows)]
     peak = results["peaks"]
     rows = [
-        ["multiply-add, 10⁹ vectors/s", f"{peak['products'] / 1e9:.2f}"],
-        ["sums, 10⁹ vectors/s", f"{peak['sums'] / 1e9:.2f}"],
-        ["both, 10⁹ vectors/s", f"{peak['both'] / 1e9:.2f}"],
-        ["multiply-add, Gflop/s", f"{2 * LANES * peak['products'] / 1e9:.0f}"],
-        ["multiply-add, ns until the next", f"{1e9 * peak['wait']:.2f}"],
+        ["multiply-add, 10⁹ vectors/s", peak["products"] / 1e9],
+        ["sums, 10⁹ vectors/s", peak["sums"] / 1e9],
+        ["both, 10⁹ vectors/s", peak["both"] / 1e9],
+        ["multiply-add, Gflop/s", 2 * LANES * peak["products"] / 1e9],
+        ["multiply-add, ns until the next", 1e9 * peak["wait"]],
     ]
     for run in results["runs"]:
         where = f"n = {run['n']}"
-        rows.append([f"{where}: three streams in, one out, GB/s", f"{run['stream'] / 1e9:.0f}"])
-        rows.append([f"{where}: new memory, GB/s", f"{run['new'] / 1e9:.0f}"])
+        rows.append([f"{where}: three streams in, one out, GB/s", run["stream"] / 1e9])
+        rows.append([f"{where}: new memory, GB/s", run["new"] / 1e9])
         kilobytes = f"{run['scratch bytes'] / 1e3:.0f} kB"
-        rows.append([f"{where}: scratch of a thread, {kilobytes}, GB/s", f"{run['scratch'] / 1e9:.0f}"])
-    out.append(Table("one core, measured", ["what", "at most"], rows))
-    headings = ["case", "n", "measured", "units alone", "arithmetic", "memory", "units in use", "of the bound", "limit"]
+        rows.append([f"{where}: scratch of a thread, {kilobytes}, GB/s", run["scratch"] / 1e9])
+    out.append(Table("one core, measured", [Column("what", left=True), Column("at most", "{:.3g}".format)], rows))
+    columns = [Column("case", left=True), Column("n"), Column("measured", show_plain)]
+    columns += [Column(name, "{:.2f}".format) for name in ("units alone", "arithmetic", "memory")]
+    columns += [Column(name, "{:.0%}".format) for name in ("units in use", "of the bound")]
+    columns.append(Column("limit", left=True))
     rows = []
     for case, look in CASES.items():
         for run in results["runs"]:
             bound, time = bounds(results, run, case), measured(run, case)
             limit = max(("arithmetic", "memory"), key=bound.__getitem__)
-            cells = [f"{x:.2f}" for x in (time, bound["units"], bound["arithmetic"], bound["memory"])]
-            shares = [f"{100 * bound[which] / time:.0f} %" for which in ("units", limit)]
-            rows.append([look.label, str(run["n"]), *cells, *shares, limit])
-    out.append(Table("ns a body and sample, one thread: measured, and the least for each limit", headings, rows))
+            least = [bound[name] for name in ("units", "arithmetic", "memory")]
+            shares = [bound[name] / time for name in ("units", limit)]
+            rows.append([look.label, run["n"], spread(run["seconds"], case, 1e9 / run["n"]), *least, *shares, limit])
+    title = "ns a body and sample, one thread: measured, and the least for each limit"
+    out.append(Table(title, columns, rows, keys=2))
     return out
 
 
+@styled()
 def figure(results: dict[str, Any]) -> Figure:
     """Draw the roofline, and time beside its bounds."""
     drawn = canvas(7.6, 3.5)
@@ -243,7 +240,7 @@ def _times(axes: Axes, results: dict[str, Any]) -> None:
     for case in ("columns", "columns bodies"):
         axes.plot(n, [bounds(results, run, case)["arithmetic"] for run in runs], color=INK, linestyle="--", linewidth=1)
     axes.plot(n, [bounds(results, run, "columns")["memory"] for run in runs], color=FAINT, linestyle=(0, (1, 1.5)))
-    robots_axis(axes, int(n.max()), int(n.min()))
+    robots_axis(axes, n.tolist())
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(_ticks([0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100]))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

@@ -11,43 +11,53 @@ joining, moving. Beside them, in the same run and interleaved:
 - arithmetic: what was recorded of the rounds, without the messages.
 """
 
-import statistics
+import argparse
 import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from itertools import chain as chained
+from itertools import chain
+from typing import Any
 
 import numpy as np
+from measure import finish, need_kernels, script_parser, spread
 
-ROUNDS, REPEATS = 1200, 15
+from mp2a.mpi_environment import under_mpi
+from mp2a.tables import Column, Table, show_seconds
+
+ROUNDS = 1200
 
 Run = Callable[[], object]
 
 
-def ranks() -> None:
-    """Measure; run by two ranks."""
-    from mpi4py import MPI
-
-    from mp2a import kernels
+def ranks(options: argparse.Namespace) -> None:
+    """Measure; run by two ranks, of which the first saves and prints."""
+    from mp2a.bench.machine import describe_machine
     from mp2a.methods import METHODS
+    from mp2a.mpi import MPI
 
-    comm = MPI.COMM_WORLD
+    results: dict[str, Any] = {"machine": describe_machine(), "runs": []}
     for name in METHODS:
         with ExitStack() as after:
             timed = ours(name, after) | {f"bare, {how}": bare(name, how, after) for how in ("new", "persistent")}
-            turns = [{what: seconds(run) for what, run in timed.items()} for _ in range(REPEATS)]
-        if comm.Get_rank() == 0:
-            medians = {what: 1e6 * statistics.median(turn[what] for turn in turns) for what in timed}
-            print(f"{name:<12}", *(f"{what} {value:5.2f} µs " for what, value in medians.items()))
-    if comm.Get_rank() == 0:
-        status = kernels.status()
-        print(f"kernels: {'compiled' if status.compiled else 'numpy, ' + status.why}")
+            turns = [{what: seconds(run) for what, run in timed.items()} for _ in range(options.repeats)]
+        times = {what: [turn[what] for turn in turns] for what in timed}
+        results["runs"].append({"method": name, "seconds": times})
+    if MPI.COMM_WORLD.Get_rank() == 0:
+        finish(results, [table(results["runs"])], [], options)
+
+
+def table(runs: list[dict[str, Any]]) -> Table:
+    """Make the table of a round's time."""
+    names = dict.fromkeys(name for run in runs for name in run["seconds"])
+    columns = [Column("method", left=True), *(Column(name, show_seconds, "s") for name in names)]
+    rows = [[run["method"], *(spread(run["seconds"], name) for name in names)] for run in runs]
+    return Table("time of a round, two ranks, one sample", columns, rows)
 
 
 def seconds(run: Run) -> float:
     """Seconds a round."""
-    from mpi4py import MPI
+    from mp2a.mpi import MPI
 
     MPI.COMM_WORLD.Barrier()
     began = time.perf_counter()
@@ -57,11 +67,10 @@ def seconds(run: Run) -> float:
 
 def ours(name: str, after: ExitStack) -> dict[str, Run]:
     """Repeat every round of a method many times."""
-    from mpi4py import MPI
-
     from mp2a import Model, kernels
     from mp2a.methods import METHODS
     from mp2a.methods.block import Block
+    from mp2a.mpi import MPI
     from mp2a.program.rank import RankProgram
     from mp2a.schedule import Round, Schedule
     from mp2a.transport.link import MPILink
@@ -97,9 +106,8 @@ def ours(name: str, after: ExitStack) -> dict[str, Run]:
 
 def bare(name: str, how: str, after: ExitStack) -> Run:
     """Exchange the same messages in plain mpi4py calls."""
-    from mpi4py import MPI
-
     from mp2a.methods import METHODS
+    from mp2a.mpi import MPI
 
     comm, method = MPI.COMM_WORLD, METHODS[name]
     rank, other = comm.Get_rank(), 1 - comm.Get_rank()
@@ -109,7 +117,7 @@ def bare(name: str, how: str, after: ExitStack) -> Run:
     ]
     kept = [[(comm.Send_init if s == rank else comm.Recv_init)(x, other) for s, x in messages] for messages in once]
 
-    for request in chained.from_iterable(kept):
+    for request in chain.from_iterable(kept):
         after.callback(request.Free)
 
     def new() -> None:
@@ -127,12 +135,17 @@ def bare(name: str, how: str, after: ExitStack) -> Run:
 
 
 def main() -> None:
-    """Start two ranks of this script."""
-    from mp2a import kernels, launch
+    """Start two ranks of this script, or be one of them."""
+    parser = script_parser(__doc__, "rounds.json", repeats=15)
+    options = parser.parse_args()
+    if under_mpi():
+        ranks(options)
+        return
+    from mp2a import launch
 
-    kernels.build()
-    launch.run(2, [sys.executable, "-m", "mpi4py", __file__, "rank"])
+    need_kernels()
+    sys.exit(launch.run(2, [sys.executable, "-m", "mpi4py", __file__, *sys.argv[1:]]).returncode)
 
 
 if __name__ == "__main__":
-    ranks() if sys.argv[1:] == ["rank"] else main()
+    main()

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from mp2a.formation import Formation, Limits, March, spline
+from mp2a.formation import Formation, FormationController, Limits, spline
 from mp2a.formation.shapes import centre
 
 ROBOT, BOX = 50.0, 30.0
 formation = Formation.of("box", 3, spacing=1.5, mass=ROBOT + BOX / 3)
 path = spline([[0, 0], [4, 1], [8, -1], [12, 0]], Limits(speed=0.7, turn_rate=0.4))
-march = March(formation, path)
+march = FormationController(formation, path)
 middle = complex(*centre(formation.layout))
 
 print("  time   box at           sides of the triangle, m   speeds ahead, m/s    forces of the joints, N")

@@ -4,20 +4,20 @@ from pathlib import Path
 
 import numpy as np
 
-from mp2a.formation import OneProcess
+from mp2a.formation import LocalExchange
 from mp2a.formation.choreography.ideal import run
+from mp2a.formation.choreography.leader_broadcast import planar_chain
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.choreography.scenario import as_text
-from mp2a.formation.choreography.telling import planar_chain
 from mp2a.formation.robot_models import TRADR
 
 scenario = parse((Path(__file__).parent / "scenarios" / "listing_6_3.txt").read_text())
 # The first robot alone works the virtual leaders out; the scan along the chain of robots tells the others.
-dance = Choreography(scenario, TRADR, exchange=OneProcess(planar_chain(len(scenario.robots)), "kogge-stone"))
+dance = Choreography(scenario, TRADR, exchange=LocalExchange(planar_chain(len(scenario.robots)), "kogge-stone"))
 done = run(dance)
 # What a rigid tie to the leader asks of a robot: the outer one in an arc has to be faster.
-places = done.leader_twists[..., 0] - done.leader_twists[..., 1] * done.places[..., 1]
+places = done.leader_twists[..., 0] - done.leader_twists[..., 1] * done.slots[..., 1]
 
 print("ideal robots; mean forward speed in m/s during each instruction: of the robot's place / of the robot")
 print(f"{'began':>6} {'ended':>6}  {'instruction':<30}" + "".join(f"{robot:>14}" for robot in dance.robots))

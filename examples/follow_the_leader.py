@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from mp2a.formation import Discs, Formation, March, waypoints
+from mp2a.formation import Discs, Formation, FormationController, waypoints
 
 path = waypoints([[0, 0], [20, 0], [20, 15]], radius=3.0)
 world = Discs([[10.0, 0.0, 0.5], [20.3, 8.0, 0.4]])
-march = March(Formation.of("line", 8), path)
+march = FormationController(Formation.of("line", 8), path)
 
 print("  time   leader at       joints yield, m" + 36 * " " + "largest push, N")
 clearance = np.full(8, np.inf)

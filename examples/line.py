@@ -4,18 +4,18 @@ import sys
 
 import numpy as np
 
-from mp2a.formation import Formation, March, waypoints
+from mp2a.formation import Formation, FormationController, waypoints
 from mp2a.formation.robot_models import HUSKY
-from mp2a.simulator import Marchers, Recorder, Simulation, World, disc, run
+from mp2a.simulator import FormationSimulationDriver, RunRecorder, Simulation, World, disc, simulate
 
 n = int(sys.argv[1]) if len(sys.argv) > 1 else 64
 path = waypoints([[0, 0], [12, 0], [20, 8]], radius=4.0)
 formation = Formation.of("line", n)
-march = March(formation, path)
+march = FormationController(formation, path)
 world = World([], [disc((7, 0.2), 0.4)], "a pillar")
 simulation = Simulation(world, HUSKY, formation.layout.poses(np.zeros(3)))
-robots, recorder = Marchers(march, HUSKY), Recorder(simulation, points=False)
-run(simulation, robots.step, until=path.duration + 0.1 * n + 3, recorder=recorder)
+robots, recorder = FormationSimulationDriver(march, HUSKY), RunRecorder(simulation, points=False)
+simulate(simulation, robots.step, until=path.duration + 0.1 * n + 3, recorder=recorder)
 recording = recorder.recording(robots.leaders, robots.events)
 
 spacing = np.hypot(*np.moveaxis(np.diff(recording.poses[..., :2], axis=1), -1, 0))

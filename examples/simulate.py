@@ -6,7 +6,7 @@ import numpy as np
 
 from mp2a import plot
 from mp2a.formation.robot_models import HUSKY
-from mp2a.simulator import Observation, Recorder, Simulation, read_world, run
+from mp2a.simulator import Observation, RunRecorder, Simulation, read_world, save_recording, simulate
 
 WAYPOINTS = np.array([[4.5, 0.2], [6.5, 0.4], [8.0, -2.5]])
 GAP = 1.6  # m between the middles of two robots
@@ -34,11 +34,11 @@ def follow(sensed: Observation) -> np.ndarray | None:
     return np.stack((speed, 1.5 * turn), axis=1)
 
 
-recorder = Recorder(simulation)
-run(simulation, follow, until=40, recorder=recorder)
+recorder = RunRecorder(simulation)
+simulate(simulation, follow, until=40, recorder=recorder)
 recording = recorder.recording()
 
 seen, met = len(recording.points), len(simulation.collisions)
 print(f"{simulation.time:.1f} s simulated, {seen} points seen, {met} collisions")
-print(recording.save("results/simulate.npz"))
-print(plot.march(recording, "results/simulate.png"))
+print(save_recording(recording, "results/simulate.npz"))
+print(plot.save_figure(plot.march_figure(recording), "results/simulate.png"))

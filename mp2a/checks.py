@@ -53,6 +53,14 @@ def count(name: str, value: int, least: int = 1) -> int:
     return int(value)
 
 
+def between(name: str, value: float, least: float, most: float, unit: str) -> float:
+    """Return a number between two bounds, which belong to it."""
+    number = numbers(name, value)
+    if number.ndim or not least <= number <= most:
+        raise InputError(f"{name}: got {value!r}, expected a number from {least:g} to {most:g} {unit}")
+    return float(number)
+
+
 def positive(name: str, value: float, *, or_zero: bool = False) -> float:
     """Return a number after a check that it is finite and above 0, or not below it."""
     number = numbers(name, value)

@@ -92,8 +92,8 @@ def total_time(n: int, samples: int, messages: Messages, network: Network) -> fl
     return rounds_needed(n) * network.serial_time / n + samples * per_sample
 
 
-def relay_time(n: int, samples: int, network: Network) -> float:
-    """Messages of the hop-by-hop relay in s: n - 1 hops of 12 numbers, then n - 1 of 6, none overlapping."""
+def pipeline_time(n: int, samples: int, network: Network) -> float:
+    """Messages of the hop-by-hop pipeline in s: n - 1 hops of 12 numbers, then n - 1 of 6, none overlapping."""
     return samples * (n - 1) * (2 * network.latency + 18 * network.bits / network.speed)
 
 

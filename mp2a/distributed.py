@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Literal, overload
+from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +28,9 @@ from mp2a.schedule import Schedule
 from mp2a.spatial import Array
 from mp2a.validation import JointState, check_state
 
+if TYPE_CHECKING:
+    import pinocchio
+
 
 class DistributedModel:
     """A formation over a communicator: rank i is robot i and keeps its own body alone.
@@ -45,8 +48,9 @@ class DistributedModel:
     comm
         Ranks in the order of the chain.
     model
-        The whole model, the same on every rank; only the rank's own bodies are kept. Or a file that every rank reads:
-        one that `Model.save` wrote (``.npz``), or a URDF. If one rank cannot read it, all raise its error.
+        The whole model, ours or a `pinocchio.Model`, the same on every rank; only the rank's own bodies are kept. Or a
+        file that every rank reads: one that `Model.save` wrote (``.npz``), or a URDF. If one rank cannot read it, all
+        raise its error.
     method
         One of `mp2a.methods.METHODS`, or "auto": the one that needs least time by the formation, the samples and what
         the network costs, which is measured between two ranks; `choice` says which and why.
@@ -102,7 +106,7 @@ class DistributedModel:
     def __init__(
         self,
         comm: MPI.Intracomm,
-        model: Model | str | Path,
+        model: "Model | pinocchio.Model | str | Path",
         method: str = AUTO,
         gravity: ArrayLike | None = None,
         *,

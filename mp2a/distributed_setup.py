@@ -5,7 +5,7 @@ import statistics
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +23,10 @@ from mp2a.spatial import Array
 from mp2a.transport.agreement import raise_together
 from mp2a.transport.link import EmulatedLink, Link, make_link, measure_latency
 from mp2a.transport.wait import wait
-from mp2a.validation import check_gravity
+from mp2a.validation import check_gravity, check_model
+
+if TYPE_CHECKING:
+    import pinocchio
 
 _SMALL, _LARGE, _ROUNDS = 24, 24_000, 7
 _ALONE = 10.0
@@ -73,7 +76,7 @@ def duplicate(comm: MPI.Intracomm) -> MPI.Intracomm:
 
 def set_up(
     comm: MPI.Intracomm,
-    model: Model | str | Path,
+    model: "Model | pinocchio.Model | str | Path",
     method: str,
     gravity: ArrayLike | None,
     counts: Sequence[int] | None,
@@ -91,7 +94,7 @@ def set_up(
     digest, setup = bytes(32), None
     try:
         whole = _read(model)
-        _check(whole, method)
+        _check_method(method)
         field = check_gravity(whole, gravity)
         shares = _shares(counts, whole, comm.Get_size())
         count("samples", samples)
@@ -124,15 +127,13 @@ def choose_method(link: Link, nodes: Formation, samples: int) -> Choice:
     return choose(nodes, samples, float(cost[0]), float(cost[1]))
 
 
-def _read(model: Model | str | Path) -> Model:
+def _read(model: "Model | pinocchio.Model | str | Path") -> Model:
     if not isinstance(model, str | Path):
-        return model
+        return check_model(model)
     return Model.load(model) if Path(model).suffix == ".npz" else Model.from_urdf(model)
 
 
-def _check(model: Model, method: str) -> None:
-    if not isinstance(model, Model):
-        raise InputError(f"model: got {type(model).__name__}, expected an mp2a.Model")
+def _check_method(method: str) -> None:
     if not isinstance(method, str) or method not in (AUTO, *METHODS):
         raise InputError(f"method: got {method!r}, expected one of {', '.join(map(repr, (AUTO, *METHODS)))}")
 

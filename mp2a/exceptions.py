@@ -10,7 +10,15 @@ class DependencyError(RuntimeError):
 
 
 class OutputError(OSError):
-    """A file cannot be written: the message names it and says why, a full disk for instance."""
+    """A file cannot be written: the message names it and says why, a full disk for instance.
+
+    Attributes
+    ----------
+    unsaved : str or None
+        What was to be written, if it is text, so that whoever catches this can show it before it is lost.
+    """
+
+    unsaved: str | None = None
 
 
 class RankError(RuntimeError):

@@ -71,10 +71,14 @@ def write_text(path: str | Path, text: str) -> None:
     Raises
     ------
     OutputError
-        If the target cannot be written.
+        If the target cannot be written; its `unsaved` is the text.
     """
-    with atomic_write(path) as new:
-        new.write_text(text, encoding="utf-8")
+    try:
+        with atomic_write(path) as new:
+            new.write_text(text, encoding="utf-8")
+    except OutputError as error:
+        error.unsaved = text
+        raise
 
 
 def check_writable(path: str | Path) -> None:
@@ -156,7 +160,7 @@ def _regular_target(path: str | Path) -> Path | None:
     """
     try:
         mode = Path(path).stat().st_mode
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         pass
     else:
         if stat.S_ISDIR(mode):
@@ -166,7 +170,10 @@ def _regular_target(path: str | Path) -> Path | None:
         if not stat.S_ISREG(mode):
             return None
     target = Path(os.path.realpath(path))
-    target.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(target.parent)) from error
     return target
 
 

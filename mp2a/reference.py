@@ -36,13 +36,7 @@ class Reference:
     """
 
     def __init__(self, model: Model) -> None:
-        need, free = data_bytes(model.nv), available_memory()
-        if free is not None and need > free:
-            fits = int((free / (8 * _TENSORS)) ** (1 / 3))
-            raise DependencyError(
-                f"pinocchio's Data for nv = {model.nv} takes {need / 1e9:.1f} GB (it holds nv³ tensors) and "
-                f"{free / 1e9:.1f} GB are free: up to nv = {fits} fits here"
-            )
+        need_memory(model.nv)
         import pinocchio
 
         self.model = model
@@ -95,6 +89,30 @@ class Reference:
         cut = 0 if state.single else slice(None)
         placement = Placement(*(x[cut] for x in placement))
         return InverseDynamics(velocity[cut], acceleration[cut], force[cut], torque[cut], placement)
+
+
+def need_memory(nv: int, copies: int = 1) -> None:
+    """Raise an error where pinocchio's Data would not fit in the memory that is free.
+
+    Parameters
+    ----------
+    nv
+        Degrees of freedom.
+    copies
+        How many of it there are at a time.
+
+    Raises
+    ------
+    DependencyError
+        With the largest nv that would fit.
+    """
+    need, free = copies * data_bytes(nv), available_memory()
+    if free is not None and need > free:
+        fits = int((free / (8 * _TENSORS * copies)) ** (1 / 3))
+        raise DependencyError(
+            f"pinocchio's Data for nv = {nv} takes {need / 1e9:.1f} GB (it holds nv³ tensors) and "
+            f"{free / 1e9:.1f} GB are free: up to nv = {fits} fits here"
+        )
 
 
 def data_bytes(nv: int) -> int:

@@ -69,11 +69,6 @@ class InverseDynamics:
             self._placement = self._placement()
         return self._placement
 
-    @property
-    def deferred_placement(self) -> Placement | Callable[[], Placement]:
-        """The placement if it is there, else what works it out."""
-        return self._placement
-
     def defer_placement(self, place: Callable[[], Placement]) -> None:
         """Forget the placement; the next to ask gets what ``place`` works out."""
         self._placement = place

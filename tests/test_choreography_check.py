@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mp2a.exceptions import InputError
-from mp2a.formation.choreography.check import check, demo, report
+from mp2a.formation.choreography.check import check, demo
 from mp2a.formation.choreography.collisions import close_pairs, overlaps
 from mp2a.formation.robot_models import HUSKY, TRADR
 
@@ -102,17 +102,17 @@ def test_times_of_a_pair_that_are_close_together_are_one():
 
 
 def test_demo_has_nothing_to_be_said_against_it():
-    assert check(demo(), HUSKY) == []
+    assert check(demo(), HUSKY).findings == []
 
 
 @pytest.mark.parametrize("name", ["listing_7_1", "listing_7_2", "listing_7_3"])
 @pytest.mark.parametrize("model", [HUSKY, TRADR])
 def test_test_scenarios_of_the_thesis_have_no_mistake(name, model):
-    assert check(LISTINGS[name], model) == []
+    assert check(LISTINGS[name], model).findings == []
 
 
 def test_correct_scenario_of_the_thesis_fits_the_smaller_robot_alone():
-    small, large = check(LISTINGS["listing_6_3"], TRADR), check(LISTINGS["listing_6_3"], HUSKY)
+    small, large = (check(LISTINGS["listing_6_3"], model).findings for model in (TRADR, HUSKY))
     assert kinds(small) == set()
     assert kinds(small, serious=False) == {"spacing"}
     assert kinds(large) == {"collision"}
@@ -134,20 +134,20 @@ def test_correct_scenario_of_the_thesis_fits_the_smaller_robot_alone():
     ],
 )
 def test_what_shows_on_paper(text, kind, robots, line, words):
-    found = [finding for finding in check(text, HUSKY) if finding.kind == kind and finding.time is None]
+    found = [finding for finding in check(text, HUSKY).findings if finding.kind == kind and finding.time is None]
     assert all(finding.serious for finding in found)
     assert [(finding.robots, finding.line) for finding in found] == [(robots, line)]
     assert words in found[0].message
 
 
 def test_each_pair_of_formations_with_one_leader_is_looked_at_once():
-    found = check("robots A B C\nrow A 0 0\nrow B 0 0\nrow C 0 0", HUSKY)
+    found = check("robots A B C\nrow A 0 0\nrow B 0 0\nrow C 0 0", HUSKY).findings
     pairs = [(set(finding.robots), finding.line) for finding in found if finding.kind == "spacing"]
     assert pairs == [({"A", "B"}, 3), ({"B", "C"}, 4), ({"A", "C"}, 4)]
 
 
 def test_a_turn_rate_that_has_to_be_halved_is_a_note():
-    (note,) = check("robots A\nrow A 0 0\ncircle 2 90 0.5", HUSKY)
+    (note,) = check("robots A\nrow A 0 0\ncircle 2 90 0.5", HUSKY).findings
     assert (note.serious, note.kind, note.line) == (False, "speed", 3)
     assert "it will turn at 0.25 rad/s" in note.message
 
@@ -155,8 +155,8 @@ def test_a_turn_rate_that_has_to_be_halved_is_a_note():
 def test_more_speed_than_the_slowest_robot_has_is_a_mistake():
     robots = {"R1": HUSKY, "R2": TRADR}
     text = "robots R1 R2\nrow R1,R2 0 1.2\nmove 20 0"
-    assert check(text, robots) == []
-    on_paper, in_the_run = check(text, robots, max_speed=1.0)
+    assert check(text, robots).findings == []
+    on_paper, in_the_run = check(text, robots, max_speed=1.0).findings
     assert on_paper.robots == in_the_run.robots == ("R2",)
     assert on_paper.kind == in_the_run.kind == "speed"
     assert "expected at most the 0.5 m/s of R2" in on_paper.message
@@ -169,7 +169,9 @@ def test_more_speed_than_the_slowest_robot_has_is_a_mistake():
 def test_a_robot_that_catches_up_again_is_a_note():
     text = "robots A B\nrow A,B 0 1.2\nmove 2 0\ncolumn A;B 3 0\nmove 2 0\nrow A,B 0 1.2\nmove 20 0"
     for end, serious in (("move 20 0", False), ("move 2 0", True)):
-        found = [finding for finding in check(text.replace("move 20 0", end), TRADR) if finding.kind == "speed"]
+        found = [
+            finding for finding in check(text.replace("move 20 0", end), TRADR).findings if finding.kind == "speed"
+        ]
         assert [(finding.serious, finding.robots) for finding in found] == [(serious, ("B",))]
 
 
@@ -178,7 +180,7 @@ def test_paths_that_cross_are_found_with_time_and_place():
         "robots A B\ngroups\na A\nb B\nstart\nrow A,B 0 3\nmove 2 0\nrow A 0 0\nrow B 0 0\nnewVL\n"
         "move 4 -45 a\nmove 4 45 b\n"
     )
-    (finding,) = check(text, HUSKY)
+    (finding,) = check(text, HUSKY).findings
     assert (finding.kind, finding.robots, finding.serious) == ("collision", ("A", "B"), True)
     assert "A and B collide" in finding.message
     assert abs(finding.place[1]) < 0.2  # they meet in the middle
@@ -186,13 +188,13 @@ def test_paths_that_cross_are_found_with_time_and_place():
 
 
 def test_a_scenario_that_takes_too_long_is_said_to():
-    (finding,) = check("robots A\nrow A 0 0\nmove 100 0", HUSKY, longest=5)
+    (finding,) = check("robots A\nrow A 0 0\nmove 100 0", HUSKY, longest=5).findings
     assert (finding.kind, finding.serious) == ("time", True)
     assert finding.time == (0.0, pytest.approx(5.0))
 
 
 def test_wrong_text_is_not_run():
-    result = report("robots A\nmove 1 0", HUSKY)
+    result = check("robots A\nmove 1 0", HUSKY)
     assert result.run is None
     assert [finding.line for finding in result.findings] == [1, 2]
 
@@ -233,7 +235,7 @@ def mutated(draw):
 @given(mutated(), st.sampled_from([HUSKY, TRADR]))
 @settings(max_examples=120, deadline=None)
 def test_a_changed_listing_is_a_run_or_findings(text, model):
-    result = report(text, model, longest=4)
+    result = check(text, model, longest=4)
     if result.run is None:
         assert kinds(result.findings) <= {"syntax", "scenario"}
         assert kinds(result.findings)

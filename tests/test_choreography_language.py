@@ -1,6 +1,7 @@
 """The scenario language: what parses, what does not and where, and that text and data are the same thing."""
 
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -8,16 +9,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mp2a.exceptions import InputError
+from mp2a.exceptions import DependencyError, InputError
+from mp2a.formation.choreography import syntax
 from mp2a.formation.choreography.check import demo
-from mp2a.formation.choreography.places import places
 from mp2a.formation.choreography.program import CIRCLE, MEET, MOVE, SHAPE, compile_program
-from mp2a.formation.choreography.reading import mistakes, parse
+from mp2a.formation.choreography.reading import parse, read
 from mp2a.formation.choreography.scenario import Circle, Group, Move, NewLeader, Scenario, Shape, format
+from mp2a.formation.choreography.slots import slots
 from mp2a.formation.choreography.syntax import INSTRUCTIONS, grammar
 
 ROOT = Path(__file__).parents[1]
 LISTINGS = sorted((ROOT / "examples" / "scenarios").glob("listing_*.txt"))
+
+
+def mistakes(text):
+    return read(text)[1]
 
 
 def listing(name):
@@ -257,7 +263,7 @@ def test_every_robot_gets_every_instruction_that_is_for_it(scenario):
 @settings(max_examples=50, deadline=None)
 def test_places_are_as_far_apart_as_written(data):
     shape = data.draw(shapes(("a", "b", "c", "d")))
-    where = places(shape)
+    where = slots(shape)
     assert set(where) == set(shape.robots)
     x = [where[row[0]][0] for row in shape.rows]
     assert x[0] == -0.5
@@ -287,3 +293,10 @@ def test_any_text_is_a_scenario_or_a_clear_error(text):
     else:
         assert not any(finding.serious for finding in found)
         assert parse(format(scenario)) == scenario
+
+
+def test_a_missing_parser_is_named_with_the_extra_that_has_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "lark", None)
+    syntax._parser.cache_clear()
+    with pytest.raises(DependencyError, match=r"reading a scenario needs lark, .*pip install 'mp2a\[formation\]'"):
+        parse("robots R1\nrow R1 0 0\nmove 1 0")

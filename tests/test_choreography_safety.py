@@ -1,6 +1,7 @@
 """Obstacles and failures: what points, silence and lost poses do to a robot."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +11,13 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from mp2a.exceptions import InputError
-from mp2a.formation.choreography import fellows, follower
-from mp2a.formation.choreography.constants import (
+from mp2a.formation.choreography import follower, teammates
+from mp2a.formation.choreography.force_field import avoidance, forces
+from mp2a.formation.choreography.ideal import obey
+from mp2a.formation.choreography.leader import Leaders
+from mp2a.formation.choreography.reading import parse
+from mp2a.formation.choreography.runner import Choreography
+from mp2a.formation.constants import (
     CELL,
     CELL_FORCE,
     STOP_DISTANCE,
@@ -21,12 +27,9 @@ from mp2a.formation.choreography.constants import (
     TURN_AHEAD,
     TURN_SIDE,
 )
-from mp2a.formation.choreography.ideal import drive
-from mp2a.formation.choreography.leader import Leaders
-from mp2a.formation.choreography.obstacles import flatten, from_cloud, look
-from mp2a.formation.choreography.reading import parse
-from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY, TRADR
+from mp2a.formation.safety import from_cloud, stop_signals
+from mp2a.formation.sensing import pack
 
 ONE = "robots R1\nrow R1 0 0\nmove 20 0"
 TWO = (Path(__file__).parents[1] / "examples" / "scenarios" / "listing_7_1.txt").read_text()
@@ -40,7 +43,10 @@ CLOUDS = st.lists(CELLS, min_size=1, max_size=20).map(lambda cells: (np.array(ce
 
 def seen(*clouds, model=HUSKY):
     n = len(clouds)
-    return look(*flatten(clouds, n), np.full(n, model.length), np.full(n, model.width))
+    points, robot, _ = pack(clouds, n, finite=False)
+    signals = stop_signals(points, robot, np.full(n, model.length), np.full(n, model.width))
+    sides = forces(points, robot, np.full(n, model.width))
+    return SimpleNamespace(sides=sides, force=sides.sum(axis=1), **signals._asdict())
 
 
 def wall(x, y0=-1.0, y1=1.0):
@@ -84,8 +90,8 @@ def test_force_pushes_away_from_a_point(cell):
 
 def test_a_neighbour_alongside_hardly_turns_a_robot():
     side = np.column_stack((np.linspace(-0.4, 0.6, 30), np.full(30, 0.865)))  # a HUSKY 1.2 m to the left, 0.1 m ahead
-    assert abs(follower.avoidance(seen(side).force)[0]) < 0.1
-    assert abs(follower.avoidance(seen(side[:, ::-1] + [0.1, 0.0]).force)[0]) > 1
+    assert abs(avoidance(seen(side).sides)[0]) < 0.1
+    assert abs(avoidance(seen(side[:, ::-1] + [0.1, 0.0]).sides)[0]) > 1
 
 
 def test_only_the_window_counts_and_nothing_that_is_not_finite():
@@ -108,15 +114,14 @@ def test_a_wall_pushes_harder_the_nearer_it_is_and_is_noticed_from_afar():
     sizes = [np.hypot(*seen(wall(x, -0.25, 0.25)).force[0]) for x in (1.75, 1.45, 1.25, 1.05, 0.75)]
     assert sizes == sorted(sizes)
     # Half a metre of wall, a little to the left, 1 m ahead, against a target 30° to the left behind it (section 5.2).
-    force = seen(wall(1.05, -0.15, 0.35)).force
-    assert follower.avoidance(force)[0] + 3 * np.deg2rad(30) < 0
+    assert avoidance(seen(wall(1.05, -0.15, 0.35)).sides)[0] + 3 * np.deg2rad(30) < 0
 
 
 @pytest.mark.parametrize(
     ("x", "y", "turn"), [(1, 0.3, -1), (1, -0.3, 1), (-1, 0.3, 1), (-1, -0.3, -1)]
 )  # the nearer end of the robot swings away
 def test_a_robot_turns_its_nearer_end_away(x, y, turn):
-    assert np.sign(follower.avoidance(seen([[x, y]]).force)[0]) == turn
+    assert np.sign(avoidance(seen([[x, y]]).sides)[0]) == turn
 
 
 @pytest.mark.parametrize("model", [HUSKY, TRADR])
@@ -182,7 +187,7 @@ def test_a_turn_is_looked_ahead_by_half_a_radian(model, side):
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_turn_that_would_touch_waits_and_the_robot_may_drive(side):
     show = Choreography(parse("robots R1\nrow R1 0 0\nmove 2 0\nmove 2 90"), HUSKY)
-    show.step(0.0, show.places(), np.zeros((1, 2)), [CLEAR])
+    show.step(0.0, show.slot_poses(), np.zeros((1, 2)), [CLEAR])
     off = np.array([[-0.5, -0.4, -0.3]]) * [1, side, side]  # its lane is beside it
     free = show.step(0.1, off, np.zeros((1, 2)), [CLEAR])
     assert side * free[0, 1] > 0
@@ -200,13 +205,13 @@ def test_robots_are_where_they_are_expected(name):
     """Ideal robots that drive in formation; while they change places they may be anywhere between."""
     text = (Path(__file__).parents[1] / "examples" / "scenarios" / f"{name}.txt").read_text()
     show = Choreography(parse(text), TRADR)
-    poses, twists, off = show.places(), np.zeros((len(show.robots), 2)), []
+    poses, twists, off = show.slot_poses(), np.zeros((len(show.robots), 2)), []
     for tick in range(700):
         commands = show.step(tick * TICK, poses, twists, None)
-        fine = np.abs(show.state.excess) < 0.3
+        fine = np.abs(show.state.gap_error) < 0.3
         away = np.hypot(*(show.state.expected[-1] - poses[:, :2]).T)
         off += away[fine].tolist()
-        poses, twists = drive(show.fleet, poses, twists, commands)
+        poses, twists = obey(show.fleet, poses, twists, commands)
     assert np.quantile(off, 0.95) < TARGET_TOLERANCE
 
 
@@ -217,7 +222,9 @@ def test_robots_are_expected_at_their_distance_and_never_go_back():
         place = np.array([[-2.0 if k < 60 else -3.0 if k < 80 else -0.5, 0.0]])
         told = Leaders(np.array([[k / 10, 0.0, 0.0]]), np.ones((1, 2)), np.zeros(1, dtype=np.intp), place)
         queues = follower.push(queues, np.array([[k / 10, 0.0]]))
-        queues, there = fellows.expected(queues._replace(head=np.array([queues.tail])), told)  # passed points too
+        queues, there = teammates.expected_places(
+            queues._replace(head=np.array([queues.tail])), told
+        )  # passed points too
         # The robot waits for a leader that is to be farther away.
         wanted = k / 10 - 2 if k < 60 else max(k / 10 - 3, 3.9) if k < 80 else k / 10 - 0.5
         assert there[0, 0] == pytest.approx(max(wanted, 0.0), abs=0.1)
@@ -227,11 +234,11 @@ def test_robots_are_expected_at_their_distance_and_never_go_back():
 def test_a_robot_far_behind_is_expected_on_the_way_to_its_lane():
     """Its leader is round a corner before it has come to where the leader started."""
     show = Choreography(parse("robots R1 R2\ncolumn R1;R2 6 0\nmove 3 0\nmove 6 60"), HUSKY)
-    poses, twists = show.places(), np.zeros((2, 2))
+    poses, twists = show.slot_poses(), np.zeros((2, 2))
     for tick in range(100):
         commands = show.step(tick * TICK, poses, twists, None)
         assert np.hypot(*(show.state.expected[-1] - poses[:, :2]).T).max() < 0.35
-        poses, twists = drive(show.fleet, poses, twists, commands)
+        poses, twists = obey(show.fleet, poses, twists, commands)
 
 
 def test_a_fellow_in_its_place_pushes_nobody_and_stops_all():
@@ -239,21 +246,21 @@ def test_a_fellow_in_its_place_pushes_nobody_and_stops_all():
     rear = np.column_stack((np.full(21, 1.2 - HUSKY.length / 2), np.linspace(0.0, 0.3, 21)))  # of R1, seen by R2
     show = Choreography(parse(text), HUSKY)
     for tick in range(10):
-        show.step(tick * TICK, show.places(), np.zeros((2, 2)), [CLEAR, rear])
-    assert (show.state.seen.force == 0).all()
-    assert show.state.seen.front.tolist() == [False, True]
+        show.step(tick * TICK, show.slot_poses(), np.zeros((2, 2)), [CLEAR, rear])
+    assert (show.state.force == 0).all()
+    assert show.state.signals.front.tolist() == [False, True]
     # The same points without a fellow there push.
     alone = Choreography(parse("robots R2\nrow R2 0 0\nmove 20 0"), HUSKY)
-    alone.step(0.0, alone.places(), np.zeros((1, 2)), [rear])
-    assert np.hypot(*alone.state.seen.force[0]) > 0.1
+    alone.step(0.0, alone.slot_poses(), np.zeros((1, 2)), [rear])
+    assert np.hypot(*alone.state.force[0].sum(axis=0)) > 0.1
     # And so they do for a robot that is off its place, and something else near by always does.
-    off = show.places()
+    off = show.slot_poses()
     off[1, 1] += 2 * TARGET_TOLERANCE
     show.step(1.0, off, np.zeros((2, 2)), [CLEAR, rear])
-    assert np.hypot(*show.state.seen.force[1]) > 0.1
+    assert np.hypot(*show.state.force[1].sum(axis=0)) > 0.1
     other = np.array([[1.2, 1.2]])
-    show.step(1.0, show.places(), np.zeros((2, 2)), [CLEAR, other])
-    assert np.hypot(*show.state.seen.force[1]) > 0
+    show.step(1.0, show.slot_poses(), np.zeros((2, 2)), [CLEAR, other])
+    assert np.hypot(*show.state.force[1].sum(axis=0)) > 0
 
 
 def test_points_of_a_moment_ago_are_still_the_fellow():
@@ -262,8 +269,10 @@ def test_points_of_a_moment_ago_are_still_the_fellow():
     poses, sizes = np.array([[0.0, 0.0, 0.0], [np.nan] * 3]), np.array([0.6, 0.6])
     points = np.array([[2.0 - 0.85, 0.0], [2.28 + 0.85, 0.0], [2.0 - 0.95, 0.0], [2.1, 0.95]])
     whose = np.zeros(4, dtype=np.intp)
-    assert fellows.strange(points, whose, poses, memory, sizes).tolist() == [False, False, True, True]
-    assert fellows.strange(points, whose + 1, poses, memory, sizes).all()  # lost: it does not know where it is
+    assert teammates.obstacles_among(points, whose, poses, memory, sizes).tolist() == [False, False, True, True]
+    assert teammates.obstacles_among(
+        points, whose + 1, poses, memory, sizes
+    ).all()  # lost: it does not know where it is
 
 
 # ---- in the controller -----------------------------------------------------------------------------------------
@@ -271,24 +280,24 @@ def test_points_of_a_moment_ago_are_still_the_fellow():
 
 def test_a_robot_stops_before_a_wall_and_goes_on_when_it_is_gone():
     show = Choreography(parse(ONE), HUSKY)
-    poses, twists, stood = show.places(), np.zeros((1, 2)), []
+    poses, twists, stood = show.slot_poses(), np.zeros((1, 2)), []
     for tick in range(250):
         # Without a force sideways: a short wall right ahead at x = 3 m that is taken away after 15 s.
         points = wall(3.0 - poses[0, 0], -0.3, 0.3) if tick < 150 else CLEAR
         commands = show.step(tick * 0.1, poses, twists, [points])
-        poses, twists = drive(show.fleet, poses, twists, commands)
+        poses, twists = obey(show.fleet, poses, twists, commands)
         stood.append(commands[0, 0] == 0)
-        assert show.blocked[0] == (stood[-1] and show.state.asked[0, 0] > 0)
+        assert show.blocked[0] == (stood[-1] and show.state.raw_command[0, 0] > 0)
         assert poses[0, 0] + HUSKY.length / 2 < 3.0 or tick >= 150
     assert all(stood[100:150])
     assert not any(stood[150:200])
-    assert not show.state.error.any()
+    assert not show.state.errors.failed.any()
     assert poses[0, 0] > 3.0
 
 
 def test_a_choreography_ends_though_a_robot_is_blocked():
     show = Choreography(parse("robots R1\nrow R1 0 0\nmove 0.5 0"), HUSKY)
-    behind = show.places() - [0.3, 0.0, 0.0]
+    behind = show.slot_poses() - [0.3, 0.0, 0.0]
     for points, done in ((CLEAR, False), ([[0.9, 0.0]], True), (CLEAR, False)):
         for _ in range(20):
             show.step((show.state.tick + 1) * 0.1, behind, np.zeros((1, 2)), [points])
@@ -299,7 +308,7 @@ def test_a_choreography_ends_though_a_robot_is_blocked():
 def test_a_blocked_robot_may_still_drive_the_other_way_and_turn():
     show = Choreography(parse(ONE), HUSKY)
     for x, forward in ((-0.9, True), (0.9, False)):
-        commands = show.step(0.0, show.places(), np.zeros((1, 2)), [[[x, 0.0]]])
+        commands = show.step(0.0, show.slot_poses(), np.zeros((1, 2)), [[[x, 0.0]]])
         assert (commands[0, 0] > 0) == forward
     assert commands[0, 1] != 0
 
@@ -309,7 +318,7 @@ def test_a_robot_that_was_blocked_stays_so_until_new_points_come():
     front = [[0.9, 0.0]]
     blocked = []
     for tick, points in enumerate((front, None, None, CLEAR, None)):
-        show.step(tick * 0.1, show.places(), np.zeros((1, 2)), [points])
+        show.step(tick * 0.1, show.slot_poses(), np.zeros((1, 2)), [points])
         blocked.append(bool(show.blocked[0]))
     assert blocked == [True, True, True, False, False]
 
@@ -317,7 +326,7 @@ def test_a_robot_that_was_blocked_stays_so_until_new_points_come():
 def test_a_robot_that_lost_its_pose_for_a_moment_has_its_path_still():
     shows = [Choreography(parse(ONE), HUSKY, poses=[[50.0, 0.0, 0.0]]) for _ in range(2)]
     for tick in range(8):
-        poses = shows[0].places() - [0.3, 0.0, 0.0]
+        poses = shows[0].slot_poses() - [0.3, 0.0, 0.0]
         shows[0].step(tick * 0.1, poses, np.zeros((1, 2)), None)
         shows[1].step(tick * 0.1, poses if tick != 6 else poses * np.nan, np.zeros((1, 2)), None)
         one, other = (show.state.queues.lengths[0] for show in shows)
@@ -326,13 +335,13 @@ def test_a_robot_that_lost_its_pose_for_a_moment_has_its_path_still():
 
 def test_a_silent_lidar_is_an_error_for_that_robot_alone_and_for_good():
     show = Choreography(parse(TWO), HUSKY)
-    poses, twists, errors = show.places(), np.zeros((2, 2)), []
+    poses, twists, errors = show.slot_poses(), np.zeros((2, 2)), []
     for tick in range(60):
         silent = 10 <= tick < 20
         commands = show.step(tick * 0.1, poses, twists, [CLEAR, None if silent else CLEAR])
-        poses, twists = drive(show.fleet, poses, twists, commands)
-        errors.append(show.state.error.tolist())
-        assert not (show.state.error[1] and commands[1].any())
+        poses, twists = obey(show.fleet, poses, twists, commands)
+        errors.append(show.state.errors.failed.tolist())
+        assert not (show.state.errors.failed[1] and commands[1].any())
         assert commands[0].any()
     # The last data came at tick 9; 0.3 s after it is the last moment without an error.
     assert errors[12] == [False, False]
@@ -342,36 +351,36 @@ def test_a_silent_lidar_is_an_error_for_that_robot_alone_and_for_good():
 
 def test_lidar_that_once_was_there_and_stops_for_all_is_missed():
     show = Choreography(parse(TWO), HUSKY)
-    show.step(0.0, show.places(), np.zeros((2, 2)), [CLEAR, CLEAR])
-    assert show.step(0.3, show.places(), np.zeros((2, 2)), None)[:, 0].all()
-    assert not show.step(0.4, show.places(), np.zeros((2, 2)), None).any()
-    assert show.state.error.all()
+    show.step(0.0, show.slot_poses(), np.zeros((2, 2)), [CLEAR, CLEAR])
+    assert show.step(0.3, show.slot_poses(), np.zeros((2, 2)), None)[:, 0].all()
+    assert not show.step(0.4, show.slot_poses(), np.zeros((2, 2)), None).any()
+    assert show.state.errors.failed.all()
 
 
 def test_lidar_that_never_comes_is_missed():
     show = Choreography(parse(TWO), HUSKY)
     for tick in range(5):
-        show.step(tick * 0.1, show.places(), np.zeros((2, 2)), [CLEAR, None])
-    assert show.state.error.tolist() == [False, True]
+        show.step(tick * 0.1, show.slot_poses(), np.zeros((2, 2)), [CLEAR, None])
+    assert show.state.errors.failed.tolist() == [False, True]
 
 
 def test_robots_without_lidar_drive_on():
     show = Choreography(parse(TWO), HUSKY)
     for tick in range(20):
-        assert show.step(tick * 0.1, show.places(), np.zeros((2, 2)), None)[:, 0].all()
+        assert show.step(tick * 0.1, show.slot_poses(), np.zeros((2, 2)), None)[:, 0].all()
 
 
 def test_before_the_start_robots_stand_and_nothing_is_missed():
     show = Choreography(parse(TWO), HUSKY)
     for t in (-4.0, -2.0, -0.1):
-        assert not show.step(t, show.places(), np.zeros((2, 2)), [None, None]).any()
-    assert not show.state.error.any()
-    assert show.step(0.1, show.places(), np.zeros((2, 2)), [CLEAR, CLEAR])[:, 0].all()
+        assert not show.step(t, show.slot_poses(), np.zeros((2, 2)), [None, None]).any()
+    assert not show.state.errors.failed.any()
+    assert show.step(0.1, show.slot_poses(), np.zeros((2, 2)), [CLEAR, CLEAR])[:, 0].all()
 
 
 def test_two_lost_poses_stop_a_robot_and_three_end_it():
     show = Choreography(parse(TWO), HUSKY)
-    good, bad = show.places(), show.places()
+    good, bad = show.slot_poses(), show.slot_poses()
     bad[0] = np.nan
     lost = [False, True, True, False, True, False, True, True, True, False]
     moves = []
@@ -380,11 +389,11 @@ def test_two_lost_poses_stop_a_robot_and_three_end_it():
         moves.append(bool(commands[0].any()))
         assert commands[1].any()
     assert moves == [True, False, False, True, False, True, False, False, False, False]
-    assert show.state.error.tolist() == [True, False]
+    assert show.state.errors.failed.tolist() == [True, False]
 
 
 def test_an_obstacle_inside_a_robot_stops_it_one_way_and_gives_finite_commands():
     show = Choreography(parse(ONE), HUSKY)
-    commands = show.step(0.0, show.places(), np.zeros((1, 2)), [[[0.0, 0.0], [0.2, 0.0]]])
+    commands = show.step(0.0, show.slot_poses(), np.zeros((1, 2)), [[[0.0, 0.0], [0.2, 0.0]]])
     assert np.isfinite(commands).all()
     assert commands[0, 0] == 0

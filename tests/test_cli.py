@@ -1,13 +1,18 @@
 """The command line: every subcommand runs, and what is wrong is said without a traceback."""
 
+import csv
 import json
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from mp2a import cli, launch
 from mp2a.bench import results
+from mp2a.bench.contenders import LABELS
+from mp2a.bench.machine import kernels_in_use
 
 
 def mp2a(*arguments, expect=0):
@@ -37,27 +42,141 @@ def test_bench_keeps_and_prints_what_it_measured(bench):
             assert facts["sent"]["bytes"] == facts["bytes"]
             assert facts["error"]["relative"] < 1e-12
             assert facts["error"]["against"] == "pinocchio"
-        for contender in ("kogge-stone", "compact", "sweep", "relay", "centre", "pinocchio"):
+        for contender in ("kogge-stone", "compact", "sweep", "pipeline", "gather-scatter", "pinocchio"):
             for size in ("batch", "single"):
                 assert run["measured"][contender][size]["wall"] > 0
         assert run["started_s"] > 0
         assert run["memory"]["proportional_total"] > 0
     for word in ("measured", "modelled", "extrapolated", "kogge-stone", "oversubscribed", str(path)):
         assert word in printed
-    assert {"processor", "cores", "packages", "date"} <= results.load(path)["machine"].keys()
+        assert {"host", "processor", "cores", "packages"} <= run["machine"].keys()
+        assert run["machine"]["kernels"] == kernels_in_use()
+        assert run["date"]
 
 
-def test_bench_goes_on_where_it_was(bench):
-    path, _, options = bench
+def test_bench_tables_fit_and_hold_no_codes(bench):
+    _, printed, _ = bench
+    assert max(map(len, printed.splitlines())) <= 80
+    assert "\x1b" not in printed
+
+
+def test_bench_measures_again_unless_it_is_to_resume(bench, tmp_path):
+    path, printed, options = bench
+    path = shutil.copy(path, tmp_path / "bench.json")
+    options = [*options[:-1], path]
+    assert "‡" not in printed
     before = path.read_bytes()
-    assert "kept in" in mp2a(*options).stdout
+    printed = mp2a(*options, "--resume").stdout
     assert path.read_bytes() == before
+    run = results.load(path)["runs"][0]
+    where = f"‡ not measured now: n = 1 is from {path}, measured {run['date']} on {run['machine']['host']}"
+    assert where.split() == printed[printed.index("‡ not") :].split()[: len(where.split())]
+    other = results.load(path)
+    for run in other["runs"]:
+        run["machine"]["processor"] = "another"
+    results.write_json(path, other)
+    options[options.index("1,3")] = "1"
+    assert "‡" not in mp2a(*options, "--resume").stdout
+    assert "‡" not in mp2a(*options).stdout
+    assert [run["n"] for run in results.load(path)["runs"]] == [1, 3, 1, 1]
+
+
+@pytest.mark.parametrize("style", ["csv", "json", "markdown"])
+def test_bench_in_other_formats(bench, style):
+    path, _, options = bench
+    printed = mp2a(*options, "--resume", "--format", style).stdout
+    runs = results.load(path)["runs"]
+    wall = runs[0]["measured"]["sweep"]["single"]["wall"]
+    if style == "json":
+        [row] = [
+            row for row in json.loads(printed)["tables"][1]["rows"] if (row["n"], row["contender"]) == (1, "sweep")
+        ]
+        assert row["one sample at a time, s"] == wall
+    elif style == "csv":
+        measured = printed.split("\n\n")[1].splitlines()
+        assert measured[0].startswith("# measured")
+        rows = list(csv.DictReader(measured[1:]))
+        assert len(rows) == 2 * len(LABELS)
+        assert float(rows[2]["one sample at a time, s"]) == wall
+    else:
+        assert printed.count("| --- |") + printed.count("| ---: |") >= 3
+
+
+def test_bench_compares_two_files(bench, tmp_path):
+    path, _, _ = bench
+    later = results.load(path)
+    [first, second] = later["runs"]
+    for sizes in first["measured"].values():
+        for times in sizes.values():
+            times["walls"] = [2 * wall for wall in times["walls"]]
+    second["n"] = 4
+    first["machine"]["processor"] = "another"
+    results.write_json(tmp_path / "later.json", later)
+    printed = mp2a("bench", "--compare", path, tmp_path / "later.json").stdout
+    assert max(map(len, printed.splitlines())) <= 80
+    assert "NOT the same processor" in printed
+    assert "Only in A: n = 3" in printed
+    assert "Only in B: n = 4" in printed
+    tables = json.loads(mp2a("bench", "--compare", path, tmp_path / "later.json", "--format", "json").stdout)["tables"]
+    assert [row["contender"] for row in tables[0]["rows"]] == list(LABELS)
+    for row in tables[0]["rows"]:
+        low, middle, high = (
+            row[f"B / A, one sample at a time{what}"] for what in (", lower quartile", "", ", upper quartile")
+        )
+        assert low <= middle <= high
+        assert low <= 2 <= high
+    printed = mp2a("bench", "--compare", path, path).stdout
+    assert "NOT" not in printed
+    assert "same kind of processor" in printed
+    second["n"] = 5
+    results.write_json(tmp_path / "later.json", later | {"runs": [second]})
+    nothing = mp2a("bench", "--compare", path, tmp_path / "later.json", expect=2).stderr
+    assert "without a run of the same n and settings" in nothing
+
+
+def test_what_was_measured_is_printed_where_it_cannot_be_kept(tmp_path):
+    done = mp2a("bench", "--ranks", 1, "--samples", 1, "--repeats", 1, "--out", "/dev/full", expect=2)
+    assert done.stderr == "mp2a: error: /dev/full: cannot be written (No space left on device)\n"
+    (tmp_path / "saved.json").write_text(done.stdout)
+    assert [run["n"] for run in results.load(tmp_path / "saved.json")["runs"]] == [1]
+    done = mp2a("trace", "--ranks", 1, "--out", "/dev/full", expect=2)
+    assert "No space left on device" in done.stderr
+    assert json.loads(done.stdout)["mp2a"]["n"] == 1
+
+
+def test_where_nothing_can_be_kept_nothing_is_measured(tmp_path):
+    (tmp_path / "file").write_text("")
+    inside = tmp_path / "file" / "bench.json"
+    for command in ("bench", "trace"):
+        done = mp2a(command, "--ranks", 1, "--out", inside, expect=2)
+        assert done.stderr == f"mp2a: error: {inside}: cannot be written (Not a directory: {inside.parent})\n"
+        assert not done.stdout
+
+
+def test_a_device_stays_a_device():
+    before = Path("/dev/null").stat()
+    mp2a("bench", "--ranks", 1, "--samples", 1, "--repeats", 1, "--out", "/dev/null")
+    assert Path("/dev/null").stat()[:3] == before[:3]
+
+
+def test_processes_that_append_to_one_file_lose_nothing(tmp_path):
+    path = tmp_path / "bench.json"
+    code = """import sys
+from mp2a.bench import results
+for k in range(100):
+    results.append(sys.argv[1], {"n": k + 1, "by": sys.argv[2]})"""
+    processes = [subprocess.Popen([sys.executable, "-c", code, str(path), str(k)]) for k in range(3)]
+    assert [process.wait(120) for process in processes] == [0, 0, 0]
+    runs = results.load(path)["runs"]
+    assert len(runs) == 300
+    assert all([run["n"] for run in runs if run["by"] == str(k)] == list(range(1, 101)) for k in range(3))
+    assert [path.name for path in tmp_path.iterdir()] == ["bench.json"]
 
 
 @pytest.mark.parametrize("picture", ["time", "speedup"])
 def test_plots_of_a_bench(bench, picture):
     path, _, _ = bench
-    out = path.with_name(f"{picture}.png")
+    out = path.with_name(f"{path.stem}-{picture}.png")
     assert mp2a("plot", picture, path).stdout.strip() == str(out)
     assert out.stat().st_size > 5000
 
@@ -73,8 +192,8 @@ def test_bench_over_an_emulated_network(tmp_path):
     assert walls["sweep"] >= 0.02
     assert walls["compact"] >= 0.04
     assert walls["kogge-stone"] >= 0.04
-    assert walls["relay"] >= 0.04
-    assert walls["centre"] >= 0.04
+    assert walls["pipeline"] >= 0.04
+    assert walls["gather-scatter"] >= 0.04
 
 
 def test_bench_under_mpirun(tmp_path):
@@ -82,7 +201,7 @@ def test_bench_under_mpirun(tmp_path):
     program = [sys.executable, "-m", "mp2a", "bench", "--samples", "5", "--repeats", "1", "--out", str(path)]
     done = launch.run(2, program, timeout=120, stdout=subprocess.PIPE, text=True)
     assert done.returncode == 0
-    assert done.stdout.count("kept in") == 1
+    assert done.stdout.count("Kept in") == 1
     assert results.load(path)["runs"][0]["n"] == 2
     done = launch.run(2, [*program, "--ranks", "2"], timeout=120, stderr=subprocess.PIPE, text=True)
     assert done.returncode != 0
@@ -104,16 +223,37 @@ def test_cost_prints_both_counts():
     assert "464100" in printed
 
 
-@pytest.mark.parametrize("method", ["kogge-stone", "compact", "sweep", "relay"])
+@pytest.mark.parametrize("method", ["kogge-stone", "compact", "sweep", "pipeline"])
 def test_schedule_is_printed(method):
     assert "1→2" in mp2a("schedule", "--n", 4, "--method", method).stdout
 
 
-@pytest.mark.parametrize("command", [(), ("bench",), ("plot",), ("cost",), ("schedule",), ("trace",)])
+@pytest.mark.parametrize("arguments", [("cost", "--n", "8,512"), ("schedule", "--n", 40)])
+def test_tables_fit_and_come_in_other_formats(arguments):
+    printed = mp2a(*arguments).stdout
+    assert max(map(len, printed.splitlines())) <= 80
+    assert "\x1b" not in printed
+    assert "| --- |" in mp2a(*arguments, "--format", "markdown").stdout
+    written = json.loads(mp2a(*arguments, "--format", "json").stdout)["tables"]
+    lines = mp2a(*arguments, "--format", "csv").stdout.splitlines()
+    rows = list(csv.DictReader(lines[1 : 1 + 1 + len(written[0]["rows"])]))
+    assert rows == [{name: str(value) for name, value in row.items()} for row in written[0]["rows"]]
+
+
+def test_a_schedule_as_csv_has_a_line_a_message():
+    lines = mp2a("schedule", "--n", 5, "--method", "pipeline", "--format", "csv").stdout.splitlines()
+    assert lines[1:] == [
+        "recurrence,round,kind,from,to",
+        *(f"motion,{k},motion,{k},{k + 1}" for k in range(1, 5)),
+        *(f"force,{k},force,{6 - k},{5 - k}" for k in range(1, 5)),
+    ]
+
+
+@pytest.mark.parametrize("command", [(), *((name,) for name in cli.COMMANDS)])
 def test_help_has_examples(command):
     printed = mp2a(*command, "--help").stdout
     assert "usage: mp2a" in printed
-    assert not command or "examples:" in printed
+    assert f"examples:\n  mp2a {' '.join(command)}" in printed
 
 
 @pytest.mark.parametrize(
@@ -122,6 +262,8 @@ def test_help_has_examples(command):
         (["bench", "--ranks", "0"], "got '0', expected a whole number"),
         (["bench", "--ranks", "two"], "got 'two'"),
         (["bench", "--ranks", "2", "--methods", "magic"], "got 'magic', expected one of"),
+        (["bench", "--compare", "nothing.json", "none.json"], "nothing.json cannot be read"),
+        (["bench", "--compare", "a.json", "b.json", "--ranks", "2"], "--compare: given with --ranks"),
         (["bench", "--network", "fast"], "expected latency and bandwidth"),
         (["bench", "--latency", "-1"], "expected a positive number"),
         (["plot", "time", "nothing.json"], "nothing.json cannot be read"),
@@ -138,12 +280,12 @@ def test_what_is_wrong_is_said(tmp_path, arguments, message):
 def test_a_results_file_of_another_kind_is_refused_before_measuring(tmp_path):
     path = tmp_path / "other.json"
     path.write_text("[1, 2]")
-    assert "no results file" in mp2a("bench", "--ranks", 1, "--out", path, expect=2).stderr
+    assert "other.json is no file of results" in mp2a("bench", "--ranks", 1, "--out", path, expect=2).stderr
     assert path.read_text() == "[1, 2]"
 
 
 def test_an_interruption_keeps_what_was_measured(tmp_path, monkeypatch, capsys):
-    from mp2a.bench import sweep
+    from mp2a.bench import campaign
 
     path, measured = tmp_path / "bench.json", iter([{"n": 1}, KeyboardInterrupt()])
 
@@ -153,7 +295,7 @@ def test_an_interruption_keeps_what_was_measured(tmp_path, monkeypatch, capsys):
             raise result
         return result
 
-    monkeypatch.setattr(sweep, "_run", run)
+    monkeypatch.setattr(campaign, "_measure", run)
     assert cli.main(["bench", "--ranks", "1,2", "--out", str(path)]) == 130
     assert "kept" in capsys.readouterr().err
     assert results.load(path)["runs"] == [{"n": 1}]

@@ -56,10 +56,10 @@ def test_equation_11():
 
 
 @given(st.integers(2, 100))
-def test_relay_time_is_hops(n):
+def test_pipeline_time_is_hops(n):
     hops = len(pipeline(n).rounds)
     free = NETWORK._replace(speed=float("inf"))
-    assert cost_model.relay_time(n, 1, free) == pytest.approx(hops * NETWORK.latency)
+    assert cost_model.pipeline_time(n, 1, free) == pytest.approx(hops * NETWORK.latency)
 
 
 def test_amdahl_at_its_ends():

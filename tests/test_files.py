@@ -71,8 +71,9 @@ def test_a_body_that_raises_leaves_the_old_file(tmp_path, error):
 def test_a_full_disk(tmp_path):
     path = tmp_path / "file.txt"
     path.write_text("old")
-    with full_disk(), pytest.raises(OutputError, match=r"file\.txt: cannot be written \(File too large\)"):
+    with full_disk(), pytest.raises(OutputError, match=r"file\.txt: cannot be written \(File too large\)") as caught:
         files.write_text(path, "x" * 2000)
+    assert caught.value.unsaved == "x" * 2000
     numbers = tmp_path / "numbers.npz"
     with full_disk(), pytest.raises(OutputError, match="written"), files.atomic_write(numbers) as new:
         np.savez_compressed(new, a=np.random.default_rng(0).random(1000))
@@ -104,14 +105,16 @@ def test_a_read_only_file_system(action):
 
 def test_what_is_in_the_way_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    inside = tmp_path / "file" / "folder" / "x.json"
+    inside = tmp_path / "file" / "x.json"
     for use in (
         files.check_writable,
         lambda path: files.write_text(path, ""),
         lambda path: files.locked(path).__enter__(),
     ):
-        with pytest.raises(OutputError, match=rf"{inside}: cannot be written \(Not a directory"):
+        with pytest.raises(OutputError, match=rf"{inside}: cannot be written \(Not a directory: {inside.parent}\)"):
             use(inside)
+        with pytest.raises(OutputError, match=r"cannot be written \(Not a directory: "):
+            use(inside / "deeper" / "x.json")
         with pytest.raises(OutputError, match=rf"{tmp_path}: cannot be written \(Is a directory\)"):
             use(tmp_path)
 

@@ -7,16 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import mp2a.formation.march
+import mp2a.formation.controller
 from mp2a import InputError, placements, rnea
 from mp2a.formation import (
     SHAPES,
     Discs,
     Formation,
+    FormationController,
     Limits,
-    March,
-    OneProcess,
-    Sensed,
+    LocalExchange,
+    SensedPoints,
     Setpoints,
     Springs,
     pack,
@@ -24,9 +24,9 @@ from mp2a.formation import (
     waypoints,
 )
 from mp2a.formation.exchange import scan
-from mp2a.formation.plane import Motion, at_rest, beyond, coordinates, wrap
 from mp2a.formation.springs import energy, joint, none
 from mp2a.methods import METHODS
+from mp2a.se2 import PlanarMotion, wrap
 
 BEND = waypoints([[0, 0], [8, 0], [8, 8], [16, 12]], 2.0, Limits(1.0, 0.5, 0.5))
 WAVE = spline([[0, 0], [6, 2], [12, -2], [18, 0]], Limits(1.0, 0.5, 0.5))
@@ -68,7 +68,7 @@ def distance_from(track, points):
 
 @pytest.mark.parametrize("path", [BEND, WAVE], ids=["bend", "wave"])
 def test_followers_retrace_the_leaders_path_at_their_spacing(path):
-    march = March(Formation.of("line", 8), path)
+    march = FormationController(Formation.of("line", 8), path)
     poses, twists, _ = run(march, int(10 * path.duration) + 40)
     track = track_of(path, 20)
     for i in range(8):
@@ -85,7 +85,7 @@ def test_followers_retrace_the_leaders_path_at_their_spacing(path):
 
 
 def test_a_long_line_keeps_to_the_path():
-    march = March(Formation.of("line", 100, spacing=1.0), WAVE)
+    march = FormationController(Formation.of("line", 100, spacing=1.0), WAVE)
     poses, _, _ = run(march, 400)
     track = track_of(WAVE, 100)
     assert (np.abs(wrap(poses[-1, :, 2] - poses[0, :, 2])) > 1e-3).sum() > 10  # so many have gone into the wave
@@ -93,7 +93,7 @@ def test_a_long_line_keeps_to_the_path():
 
 
 def test_setpoints_are_consistent_in_time():
-    march = March(Formation.of("line", 5), WAVE)
+    march = FormationController(Formation.of("line", 5), WAVE)
     poses, twists, reports = run(march, 250)
     z = places(poses)
     velocity = (z[2:] - z[:-2]) / 0.2 * np.exp(-1j * poses[1:-1, :, 2])
@@ -108,7 +108,7 @@ def test_setpoints_are_consistent_in_time():
 @pytest.mark.parametrize("shape", [shape for shape in SHAPES if shape != "line"])
 def test_rigid_shapes_keep_their_shape(shape):
     formation = Formation.of(shape, 3 if shape == "box" else 6)
-    march = March(formation, BEND)
+    march = FormationController(formation, BEND)
     poses, _, reports = run(march, 150)
     for tick in (0, 50, 100, 149):
         assert np.allclose(poses[tick], formation.layout.poses(poses[tick, 0]), atol=1e-9)
@@ -121,13 +121,13 @@ def test_rigid_shapes_keep_their_shape(shape):
 def test_force_and_motion_are_those_of_the_recurrences(shape):
     """The scan is inverse dynamics of the chain: with its joints put into `rnea`, the same F."""
     formation = Formation.of(shape, 6, mass=40.0 + np.arange(6))
-    march = March(formation, BEND, OneProcess(formation.model, "compact"))
+    march = FormationController(formation, BEND, LocalExchange(formation.model, "compact"))
     seen = []
     run_scan = march.exchange.run
 
-    def listen(joints, external, wrong):
-        seen.append((Motion(*(x[0] for x in joints)), external[0]))
-        return run_scan(joints, external, wrong)
+    def listen(joints, external):
+        seen.append((PlanarMotion(*(x[0] for x in joints)), external[0]))
+        return run_scan(joints, external)
 
     march.exchange.run = listen
     _, _, reports = run(march, 120, Discs([[4, 0.2, 0.4]]))
@@ -139,14 +139,14 @@ def test_force_and_motion_are_those_of_the_recurrences(shape):
     assert np.abs(forces).max() > 1
     done = rnea(
         formation.model,
-        coordinates(joints).ravel(),
+        joints.coordinates().ravel(),
         joints.velocity.ravel(),
         joints.rate.ravel(),
         forces,
         bodies=True,
     )
     assert np.allclose(report.scan.force, done.force[:, [3, 4, 2]], atol=1e-6)
-    still = rnea(formation.model, coordinates(joints).ravel(), *np.zeros((2, 18)), forces, bodies=True)
+    still = rnea(formation.model, joints.coordinates().ravel(), *np.zeros((2, 18)), forces, bodies=True)
     assert np.allclose(report.scan.obstacles, -still.force[:, [3, 4, 2]], atol=1e-9)
     # What obstacles press with adds up towards the leader.
     headings = report.scan.motion.pose[:, 2]
@@ -158,17 +158,17 @@ def test_the_load_of_a_joint_is_the_work_that_its_displacement_makes_the_obstacl
     """Virtual work: forces that keep their direction, and the derivative of their work by every displacement."""
     rng = np.random.default_rng(4)
     formation = Formation.of("triangle", 6)
-    exchange = OneProcess(formation.model)
+    exchange = LocalExchange(formation.model)
     forces, displaced = rng.normal(size=6) + 1j * rng.normal(size=6), rng.normal(scale=0.3, size=(6, 3))
 
     def displaced_scan(displacement):
-        bend = Motion(*joint(none(6)._replace(value=displacement)))
-        joints = beyond(at_rest(formation.layout.places), bend)
-        pose = placements(formation.model, coordinates(joints).ravel())
+        bend = joint(none(6)._replace(value=displacement))
+        joints = PlanarMotion.at_rest(formation.layout.slots).compose(bend)
+        pose = placements(formation.model, joints.coordinates().ravel())
         heading = np.arctan2(pose[0][:, 1, 0], pose[0][:, 0, 0])
         own = forces * np.exp(-1j * heading)
         external = np.stack((own.real, own.imag, np.zeros(6)), axis=-1)
-        return scan(exchange, joints, external, None)
+        return scan(exchange.run, joints, external)
 
     def work(displacement):
         return (np.conj(forces) * places(displaced_scan(displacement).motion.pose)).real.sum()
@@ -189,14 +189,14 @@ def test_the_load_of_a_joint_is_the_work_that_its_displacement_makes_the_obstacl
 def test_every_method_gives_the_same_march(shape, method):
     formation = Formation.of(shape, 5)
     world = Discs([[4, 0.1, 0.4]])
-    expected, *_ = run(March(formation, BEND, OneProcess(formation.model, "serial")), 100, world)
-    got, *_ = run(March(formation, BEND, OneProcess(formation.model, method)), 100, world)
+    expected, *_ = run(FormationController(formation, BEND, LocalExchange(formation.model, "serial")), 100, world)
+    got, *_ = run(FormationController(formation, BEND, LocalExchange(formation.model, method)), 100, world)
     assert np.allclose(got, expected, atol=1e-9)
     assert np.abs(expected[..., 1]).max() > 0.1
 
 
 def test_robots_make_way_and_come_back():
-    march = March(Formation.of("line", 8), STRAIGHT)
+    march = FormationController(Formation.of("line", 8), STRAIGHT)
     poses, _, _ = run(march, 700, DISC)
     clear = DISC.clearance(poses).min(0)
     assert (clear > march.law.radius).all()
@@ -213,9 +213,9 @@ def test_those_behind_take_the_path_that_one_in_the_middle_changed():
 
     def only_third(tick, sensed):
         keep = sensed.robot == 2
-        return Sensed(sensed.points[keep], sensed.robot[keep], sensed.heard)
+        return SensedPoints(sensed.points[keep], sensed.robot[keep], sensed.heard)
 
-    march = March(Formation.of("line", 6), STRAIGHT)
+    march = FormationController(Formation.of("line", 6), STRAIGHT)
     poses, _, _ = run(march, 600, DISC, only_third)
     aside = np.abs(poses[..., 1]).max(0)
     assert aside[:2].max() < 1e-9
@@ -229,7 +229,7 @@ def test_those_behind_take_the_path_that_one_in_the_middle_changed():
 
 def test_a_rigid_shape_yields_as_a_whole_and_recovers():
     formation = Formation.of("column", 4)
-    march = March(formation, STRAIGHT)
+    march = FormationController(formation, STRAIGHT)
     poses, _, reports = run(march, 700, Discs([[10, 0.2, 0.3]]))
     aside = np.abs(poses[..., 1]).max(0)
     assert aside[0] > 0.3
@@ -241,7 +241,7 @@ def test_a_rigid_shape_yields_as_a_whole_and_recovers():
 @pytest.mark.parametrize("shape", ["line", "column", "triangle"])
 def test_energy_that_obstacles_put_in_is_dissipated(shape):
     formation = Formation.of(shape, 5)
-    march = March(formation, waypoints([[0, 0], [12, 0]]))
+    march = FormationController(formation, waypoints([[0, 0], [12, 0]]))
     world = Discs([[5, 0.1, 0.4], [8, 1.0, 0.3]])
     levels, work = [0.0], []
     for tick in range(1400):
@@ -257,7 +257,7 @@ def test_energy_that_obstacles_put_in_is_dissipated(shape):
 
 
 def test_a_leader_without_a_path_stands_and_so_do_all():
-    march = March(Formation.of("line", 4))
+    march = FormationController(Formation.of("line", 4))
     poses, twists, _ = run(march, 20)
     assert (poses == poses[0]).all()
     assert (twists == 0).all()
@@ -273,13 +273,13 @@ def test_a_leader_without_a_path_stands_and_so_do_all():
 def test_a_leader_without_a_path_stands_where_it_is_put():
     start = np.array([[3.0, 4.0, 1.0], [1.0, 4.0, 1.0]])
     for shape in ("line", "row"):
-        poses, _, _ = run(March(Formation.of(shape, 2), start=start), 5)
+        poses, _, _ = run(FormationController(Formation.of(shape, 2), start=start), 5)
         assert np.allclose(poses[:, 0], start[0])
 
 
 def test_robots_in_one_place_wait_until_there_is_room():
     start = np.zeros((4, 3))
-    march = March(Formation.of("line", 4), STRAIGHT, start=start)
+    march = FormationController(Formation.of("line", 4), STRAIGHT, start=start)
     poses, twists, _ = run(march, 600)
     assert np.isfinite(poses).all()
     for i in (1, 2, 3):
@@ -293,7 +293,7 @@ def test_robots_in_one_place_wait_until_there_is_room():
 def test_a_robot_far_behind_catches_up():
     start = Formation.of("line", 3).layout.poses(np.zeros(3))
     start[2, 0] -= 3
-    march = March(Formation.of("line", 3), STRAIGHT, start=start)
+    march = FormationController(Formation.of("line", 3), STRAIGHT, start=start)
     poses, twists, _ = run(march, 600)
     assert poses[-1, 2, 0] == pytest.approx(poses[-1, 1, 0] - 2, abs=1e-6)
     assert twists[:, 2, 0].max() < STRAIGHT.profile.speed.max() + 0.3
@@ -303,21 +303,23 @@ def test_a_rigid_robot_out_of_place_comes_to_its_place():
     formation = Formation.of("triangle", 3)
     start = formation.layout.poses(np.zeros(3))
     start[1, :2] += [0.3, -0.4]
-    march = March(formation, None, start=start)
+    march = FormationController(formation, None, start=start)
     poses, _, _ = run(march, 300)
     assert np.abs(poses[0, 1] - start[1]).max() < 1e-9
     assert np.allclose(poses[-1], formation.layout.poses(np.zeros(3)), atol=1e-4)
 
 
 def test_a_leader_that_stops_stops_all_without_running_into_each_other():
-    march = March(Formation.of("line", 6, spacing=1.0), waypoints([[0, 0], [4, 0]], limits=Limits(1.0, 0.5, 5.0)))
+    march = FormationController(
+        Formation.of("line", 6, spacing=1.0), waypoints([[0, 0], [4, 0]], limits=Limits(1.0, 0.5, 5.0))
+    )
     poses, twists, _ = run(march, 200)
     assert np.abs(np.diff(poses[..., 0], axis=1)).min() > 1 - 1e-9
     assert np.allclose(twists[-1], 0, atol=1e-9)
 
 
 def test_an_obstacle_inside_a_robot_pushes_with_a_finite_force_and_is_reported():
-    march = March(Formation.of("line", 3))
+    march = FormationController(Formation.of("line", 3))
     march.step(pack([[[0.0, 0.0]], [[0.1, 0.2]], [[1.0, 0.0]]]))
     assert march.report.contact.tolist() == [True, True, False]
     assert np.abs(march.report.push).max() <= march.law.force * (1 + 1e-9)
@@ -327,7 +329,7 @@ def test_an_obstacle_inside_a_robot_pushes_with_a_finite_force_and_is_reported()
 
 
 def test_the_predecessor_is_no_obstacle():
-    march = March(Formation.of("line", 3))
+    march = FormationController(Formation.of("line", 3))
     march.step(pack([[], [[1.4, 0.0]], [[1.4, 0.3]]]))
     assert (march.report.push == 0).all()
     march.step(pack([[], [[0.9, 0.1]], []]))
@@ -338,11 +340,11 @@ def test_a_silent_sensor_stops_its_robot_for_good_and_the_others_go_on():
     def silence(tick, sensed):
         heard = np.ones(5, dtype=bool)
         heard[2] = not 100 <= tick < 110
-        heard[4] = not 100 <= tick < 102  # 0.2 s: not long enough
+        heard[4] = not 100 <= tick < 103  # 0.3 s: not long enough
         return sensed._replace(heard=heard)
 
     formation = Formation.of("line", 5)
-    march = March(formation, STRAIGHT)
+    march = FormationController(formation, STRAIGHT)
     failed, twists, poses = [], [], []
     for tick in range(600):
         setpoints = march.step(silence(tick, Discs().sense(march.state.pose)))
@@ -350,18 +352,18 @@ def test_a_silent_sensor_stops_its_robot_for_good_and_the_others_go_on():
         twists.append(setpoints.twist)
         poses.append(setpoints.pose)
     failed, twists, poses = np.array(failed), np.array(twists), np.array(poses)
-    assert not failed[:102].any()
-    assert failed[102:, 2].all()  # silent at 10.0, 10.1 and 10.2 s: 0.3 s since it last spoke
+    assert not failed[:103].any()
+    assert failed[103:, 2].all()  # it last spoke at 9.9 s, and 10.3 s is the first tick more than 0.3 s later
     assert not failed[:, [0, 1, 3, 4]].any()
     assert (twists[102:, 2] == 0).all()
     assert (poses[102:, 2] == poses[101, 2]).all()
-    expected, *_ = run(March(formation, STRAIGHT), 600)
+    expected, *_ = run(FormationController(formation, STRAIGHT), 600)
     others = [0, 1, 3, 4]
     assert np.allclose(poses[:, others], expected[:, others])
 
 
 def test_a_short_silence_leaves_the_last_force_in_place():
-    march = March(Formation.of("line", 1))
+    march = FormationController(Formation.of("line", 1))
     march.step(pack([[[1.0, 0.3]]]))
     before = march.report.push.copy()
     march.step(pack([None]))
@@ -373,7 +375,7 @@ def test_a_short_silence_leaves_the_last_force_in_place():
 
 
 def test_a_march_goes_back_to_a_state_it_was_in():
-    march = March(Formation.of("line", 4), BEND)
+    march = FormationController(Formation.of("line", 4), BEND)
     run(march, 50, DISC)
     kept = march.state
     first, *_ = run(march, 30, DISC)
@@ -384,7 +386,9 @@ def test_a_march_goes_back_to_a_state_it_was_in():
 
 def test_any_tick_gives_a_stable_march():
     for tick in (0.01, 0.5, 3.0):
-        march = March(Formation.of("line", 4), STRAIGHT, springs=Springs(stiffness=1e5, mass=1.0), tick=tick)
+        march = FormationController(
+            Formation.of("line", 4), STRAIGHT, springs=Springs(stiffness=1e5, mass=1.0), tick=tick
+        )
         poses, _, _ = run(march, 60, DISC)
         assert np.isfinite(poses).all()
         assert np.abs(poses[..., 1]).max() < 5
@@ -393,10 +397,13 @@ def test_any_tick_gives_a_stable_march():
 @pytest.mark.parametrize(
     ("make", "error"),
     [
-        (lambda: March(Formation.of("line", 2), tick=0), "tick: got 0"),
-        (lambda: March(Formation.of("line", 2), start=np.zeros((3, 3))), r"start: got shape \(3, 3\)"),
-        (lambda: March(Formation.of("line", 2)).step(pack([[]])), "heard: got shape"),
-        (lambda: March(Formation.of("line", 1)).step(Sensed(np.ones((1, 3)), [0], [True])), "points: got shape"),
+        (lambda: FormationController(Formation.of("line", 2), tick=0), "tick: got 0"),
+        (lambda: FormationController(Formation.of("line", 2), start=np.zeros((3, 3))), r"start: got shape \(3, 3\)"),
+        (lambda: FormationController(Formation.of("line", 2)).step(pack([[]])), "heard: got shape"),
+        (
+            lambda: FormationController(Formation.of("line", 1)).step(SensedPoints(np.ones((1, 3)), [0], [True])),
+            "points: got shape",
+        ),
     ],
 )
 def test_bad_input_is_refused(make, error):
@@ -410,7 +417,7 @@ def test_a_setpoints_twist_is_what_a_velocity_command_holds():
 
 
 def test_the_example_of_the_docstring():
-    assert doctest.testmod(mp2a.formation.march).failed == 0
+    assert doctest.testmod(mp2a.formation.controller).failed == 0
 
 
 def test_every_public_name_is_there():
@@ -435,7 +442,7 @@ coordinate = st.floats(-6, 6).map(lambda x: round(x, 1))
 def test_any_start_and_any_obstacles_make_a_march(shape, start, discs, seed, tick):
     """Whatever is given: finite setpoints, bounded forces, energy that falls, and rest in the end."""
     rng = np.random.default_rng(seed)
-    march = March(Formation.of(shape, len(start)), waypoints([[0, 0], [3, 1]]), start=start, tick=tick)
+    march = FormationController(Formation.of(shape, len(start)), waypoints([[0, 0], [3, 1]]), start=start, tick=tick)
     world = Discs(discs)
     for _ in range(60):
         sensed = world.sense(march.state.pose)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mp2a import InputError
-from mp2a.formation import Discs, ObstacleLaw, Sensed, pack
+from mp2a.formation import Discs, ObstacleLaw, SensedPoints, pack
 from mp2a.formation.obstacles import eq14, push
 from mp2a.formation.sensing import check
 
@@ -101,10 +101,10 @@ def test_points_are_packed_and_checked():
 @pytest.mark.parametrize(
     ("make", "error"),
     [
-        (lambda: pack([[[1, 2, 3]]]), "points of robot 0: got shape"),
-        (lambda: pack([None, [[1, np.inf]]]), "points of robot 1: got inf"),
+        (lambda: pack([[[1, 2, 3]]]), r"points\[0\]: got shape"),
+        (lambda: pack([None, [[1, np.inf]]]), r"points\[1\]: got inf"),
         (lambda: check(pack([[[1, 2]]]), 2), "heard: got shape"),
-        (lambda: check(Sensed(np.zeros((1, 2)), np.array([5]), np.ones(2, bool)), 2), "robot: got 5 to 5"),
+        (lambda: check(SensedPoints(np.zeros((1, 2)), np.array([5]), np.ones(2, bool)), 2), "robot: got 5 to 5"),
         (lambda: ObstacleLaw(ahead=0), "ahead: got 0"),
         (lambda: ObstacleLaw(force=-1), "force: got -1"),
         (lambda: ObstacleLaw(attraction=np.nan), "attraction: got nan"),

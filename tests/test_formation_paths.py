@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from mp2a import InputError
 from mp2a.formation import Arc, Limits, Line, lines_and_arcs, spline, waypoints
-from mp2a.formation.plane import point, wrap
+from mp2a.formation.vectors import as_complex
+from mp2a.se2 import wrap
 
 LIMITS = Limits(speed=1.0, turn_rate=0.6, acceleration=0.4)
 PATHS = {
@@ -35,8 +36,8 @@ def test_velocity_is_the_derivative_of_the_pose(path):
     step = 1e-5
     for time in times(path):
         before, now, after = (path.at(time + shift) for shift in (-step, 0, step))
-        velocity = (point(after.pose) - point(before.pose)) / (2 * step) * np.exp(-1j * now.pose[2])
-        assert abs(velocity - point(now.velocity)) < 1e-4
+        velocity = (as_complex(after.pose) - as_complex(before.pose)) / (2 * step) * np.exp(-1j * now.pose[2])
+        assert abs(velocity - as_complex(now.velocity)) < 1e-4
         assert now.velocity[1] == 0
         assert abs(wrap(after.pose[2] - before.pose[2]) / (2 * step) - now.velocity[2]) < 0.5 * LIMITS.turn_rate
         # Turn rate and speed have corners, but almost nowhere.
@@ -72,7 +73,7 @@ def test_a_path_rests_before_its_start_and_after_its_end(path):
     for time in (-1.0, 0.0, path.duration, path.duration + 5):
         motion = path.at(time)
         assert (motion.velocity == 0).all()
-    distance = np.abs(np.diff([point(path.at(time).pose) for time in np.linspace(0, path.duration, 1500)])).sum()
+    distance = np.abs(np.diff([as_complex(path.at(time).pose) for time in np.linspace(0, path.duration, 1500)])).sum()
     assert abs(distance - path.length) < 1e-3 * path.length
 
 

@@ -6,8 +6,8 @@ import pytest
 import mp2a
 from mp2a import InputError
 from mp2a.formation import SHAPES, Formation
-from mp2a.formation.plane import Motion, before, between, beyond, coordinates
 from mp2a.formation.shapes import Layout, centre, layout, rigid
+from mp2a.se2 import PlanarMotion
 
 
 def numbers(shape):
@@ -62,7 +62,7 @@ def test_formation_is_a_chain_of_planar_joints():
     assert (model.masses == np.arange(6) + 1).all()
     assert (model.inertias[:, 2, 2] == 2).all()
     assert (model.parents == formation.layout.parents).all()
-    q = coordinates(Motion(formation.layout.places, *np.zeros((2, 6, 3)))).ravel()
+    q = PlanarMotion.at_rest(formation.layout.slots).coordinates().ravel()
     _, position = mp2a.placements(model, q)
     assert np.allclose(position[:, :2] @ [1, 1j], positions("triangle", 6))
 
@@ -71,14 +71,14 @@ def test_formation_is_a_chain_of_planar_joints():
 def test_planar_motion_is_that_of_the_recurrences(method):
     rng = np.random.default_rng(1)
     formation = Formation.of("line", 6)
-    joints = Motion(*rng.normal(size=(3, 6, 3)))
+    joints = PlanarMotion(*rng.normal(size=(3, 6, 3)))
     expected = []
     for i in range(6):
-        joint = Motion(*(part[i] for part in joints))
-        expected.append(beyond(expected[-1], joint) if i else joint)
+        joint = PlanarMotion(*(part[i] for part in joints))
+        expected.append(expected[-1].compose(joint) if i else joint)
     done = mp2a.rnea(
         formation.model,
-        coordinates(joints).ravel(),
+        joints.coordinates().ravel(),
         joints.velocity.ravel(),
         joints.rate.ravel(),
         method=method,
@@ -90,15 +90,6 @@ def test_planar_motion_is_that_of_the_recurrences(method):
         assert np.allclose(done.velocity[i, [3, 4, 2]], motion.velocity)
         vx, vy, spin = motion.velocity
         assert np.allclose(done.acceleration[i, [3, 4, 2]], motion.rate + spin * np.array([-vy, vx, 0]))
-
-
-def test_joints_between_frames_are_inverse_to_going_beyond_them():
-    rng = np.random.default_rng(2)
-    parent, joint = Motion(*rng.normal(size=(3, 50, 3))), Motion(*rng.normal(size=(3, 50, 3)))
-    child = beyond(parent, joint)
-    for got, wanted in ((between(parent, child), joint), (before(child, joint), parent)):
-        for ours, theirs in zip(got, wanted, strict=True):
-            assert np.allclose(ours, theirs, atol=1e-12)
 
 
 @pytest.mark.parametrize(

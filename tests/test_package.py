@@ -16,13 +16,13 @@ import mp2a
 ROOT = Path(mp2a.__file__).parent
 MODULES = sorted(ROOT.rglob("*.py"))
 
-# From the bottom to the top; what is not named here stands above all of it.
-LAYERS = (
-    "exceptions", "dependencies", "mpi_environment", "mpi", "checks", "files", "cores", "network", "spatial",
-    "results", "joints", "readers", "model", "validation", "joint_kinematics", "algebra", "kernels", "serial",
-    "schedule", "transport", "program", "methods", "dynamics", "distributed_setup", "distributed", "process_grid",
-    "formation", "launch", "reference", "cost_model", "bench", "simulator", "robots", "plot", "cli",
-)  # fmt: skip
+PAGE = (ROOT.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
+# From the bottom to the top, as the page has them from the top; what is not named there stands above all of it.
+LAYERS = [
+    name
+    for line in reversed(PAGE.partition("```layers\n")[2].partition("```")[0].splitlines())
+    for name in reversed(re.split(r"\s{2,}", line)[0].split())
+]
 NOT_ON_A_RANK = (
     "matplotlib", "pinocchio", "rich", "typer", "click", "argparse", "mujoco", "scipy", "numba",
     "shapely", "foxglove", "rosbags", "tomllib", "tomli", "lark",
@@ -69,9 +69,10 @@ def loaded_by(statement):
         "import mp2a; mp2a.Model.uniform(4).random_state(body=2); mp2a.InputError; mp2a.InverseDynamics",
         "import mp2a; c = mp2a.Model.uniform(4); mp2a.rnea(c, *c.random_state(), method='kogge-stone')",
         "import mp2a.distributed",
-        "import mp2a.simulator.ranks; from mp2a.simulator import Dance, Marchers, Observation",
+        "import mp2a.simulator, mp2a.simulator.ranks, mp2a.simulator.outcomes",
         "import mp2a, mp2a.formation.robot_models",
-        "from mp2a.formation import *; March(Formation.of('line', 3), waypoints([[0, 0], [1, 0]])).step()",
+        "from mp2a.formation import *\n"
+        "FormationController(Formation.of('line', 3), waypoints([[0, 0], [1, 0]])).step()",
         "from mpi4py import MPI; import mp2a; c = mp2a.Model.uniform(1)\n"
         "with mp2a.DistributedModel(MPI.COMM_SELF, c) as d: d.rnea(*c.random_state())",
     ],

@@ -20,15 +20,15 @@ from mp2a.exceptions import InputError
 from mp2a.formation.robot_models import HUSKY
 from mp2a.robots.cloud import points as cloud_points
 from mp2a.robots.interface import NO_POSE, Sensed
-from mp2a.robots.odometry import heading
 from mp2a.robots.records.bag_reader import BagReader
-from mp2a.robots.records.bag_topics import EVENTS_TOPIC, topics
 from mp2a.robots.records.bag_writer import BAGS, BagWriter, bag_path
 from mp2a.robots.records.recorded import RecordedRobot
+from mp2a.robots.robot_config import ROBOT_CONFIGS
 from mp2a.robots.robots_file import within
-from mp2a.robots.steps import BEGINS, Step, events
-from mp2a.robots.table import INTERFACES
-from mp2a.simulator import Recorder, Simulation, World
+from mp2a.robots.ticks import BEGINS, DriveTick, changes
+from mp2a.robots.topics import EVENTS_TOPIC, bag_topics
+from mp2a.robots.transforms import heading
+from mp2a.simulator import RunRecorder, Simulation, World, save_recording
 
 SECOND = 1_000_000_000
 NUMBER = st.floats(-1e3, 1e3)
@@ -39,19 +39,19 @@ POINTS = st.one_of(
 )
 SENSED = st.builds(Sensed, POSE, PAIR, POINTS, st.booleans())
 FLAG = st.booleans()
-STEP = st.builds(Step, st.just(0.0), SENSED, POSE, PAIR, PAIR, st.just(1.0), FLAG, FLAG, FLAG)
-INTERFACE = st.sampled_from(
+STEP = st.builds(DriveTick, st.just(0.0), SENSED, POSE, PAIR, PAIR, st.just(1.0), FLAG, FLAG, FLAG)
+CONFIG = st.sampled_from(
     [
-        INTERFACES["husky"],
-        within(INTERFACES["husky-jazzy"], "R1"),
-        dataclasses.replace(INTERFACES["tradr"], pose="stamped", points_topic=""),
+        ROBOT_CONFIGS["husky"],
+        within(ROBOT_CONFIGS["husky-jazzy"], "R1"),
+        dataclasses.replace(ROBOT_CONFIGS["tradr"], pose="stamped", points_topic=""),
     ]
 )
 
 
-def write(path, bag, interface, steps, stamp=SECOND):
+def write(path, bag, config, steps, stamp=SECOND):
     """Write steps as a bag, one each 50 ms."""
-    writer = BagWriter(path, bag, "R1", interface)
+    writer = BagWriter(path, bag, "R1", config)
     for k, step in enumerate(steps):
         writer.add(stamp + k * SECOND // 20, step)
     writer.close()
@@ -60,7 +60,7 @@ def write(path, bag, interface, steps, stamp=SECOND):
 
 def still(pose=(0.0, 0.0, 0.0), points=None):
     """A step of a robot that stands."""
-    return Step(
+    return DriveTick(
         0.0, Sensed(np.array(pose), np.zeros(2), points), np.array(pose), np.zeros(2), np.zeros(2), 1.0, *[False] * 3
     )
 
@@ -84,18 +84,18 @@ def speeds(twist):
 
 @pytest.mark.parametrize("bag", BAGS)
 @settings(max_examples=20)
-@given(interface=INTERFACE, steps=st.lists(STEP, min_size=1, max_size=4))
-def test_what_is_written_is_read_back(bag, interface, steps, tmp_path_factory):
+@given(config=CONFIG, steps=st.lists(STEP, min_size=1, max_size=4))
+def test_what_is_written_is_read_back(bag, config, steps, tmp_path_factory):
     stamps = [SECOND + k * SECOND // 20 for k in range(len(steps))]
-    found = read(write(bag_path(tmp_path_factory.mktemp("bag"), "R1", bag), bag, interface, steps))
-    sent = found[interface.command_topic]
+    found = read(write(bag_path(tmp_path_factory.mktemp("bag"), "R1", bag), bag, config, steps))
+    sent = found[config.command_topic]
     assert [stamp for stamp, _ in sent] == stamps
     for (_, message), step in zip(sent, steps, strict=True):
-        same(speeds(message if interface.message == "Twist" else message.twist), step.command)
-    told = found[interface.odometry_topic]
+        same(speeds(message if config.message == "Twist" else message.twist), step.command)
+    told = found[config.odometry_topic]
     for (stamp, message), step in zip(told, steps, strict=True):
         assert message.header.stamp.sec * SECOND + message.header.stamp.nanosec == stamp
-        assert (message.header.frame_id, message.child_frame_id) == (interface.fixed_frame, interface.body_frame)
+        assert (message.header.frame_id, message.child_frame_id) == (config.fixed_frame, config.body_frame)
         same(speeds(message.twist.twist), step.sensed.twist)
         placed = message.pose.pose
         same((placed.position.x, placed.position.y), step.sensed.pose[:2])
@@ -105,25 +105,25 @@ def test_what_is_written_is_read_back(bag, interface, steps, tmp_path_factory):
     ]
     for (stamp, message), (wanted, pose) in zip(found.get("/tf", []), known, strict=True):
         [moved] = message.transforms
-        assert (moved.header.frame_id, moved.child_frame_id) == (interface.fixed_frame, interface.body_frame)
+        assert (moved.header.frame_id, moved.child_frame_id) == (config.fixed_frame, config.body_frame)
         assert stamp == wanted
         same((moved.transform.translation.x, moved.transform.translation.y), pose[:2])
     seen = [
         (stamp, step.sensed.points) for stamp, step in zip(stamps, steps, strict=True) if step.sensed.points is not None
     ]
-    clouds = found.get(interface.points_topic, [])
-    for (stamp, cloud), (wanted, points) in zip(clouds, seen if interface.points_topic else [], strict=True):
-        assert (stamp, cloud.header.frame_id) == (wanted, interface.body_frame)
+    clouds = found.get(config.points_topic, [])
+    for (stamp, cloud), (wanted, points) in zip(clouds, seen if config.points_topic else [], strict=True):
+        assert (stamp, cloud.header.frame_id) == (wanted, config.body_frame)
         same(cloud_points(cloud)[:, :2], points)
     texts, flags = [], BEGINS
     for stamp, step in zip(stamps, steps, strict=True):
-        texts += [(stamp, f"R1 {text}") for text in events(flags, step.flags)]
+        texts += [(stamp, f"R1 {text}") for text in changes(flags, step.flags)]
         flags = step.flags
     assert [(stamp, message.data) for stamp, message in found.get(EVENTS_TOPIC, [])] == texts
-    if interface.pose == "stamped":
-        for (_, message), step in zip(found[interface.pose_topic], steps, strict=True):
+    if config.pose == "stamped":
+        for (_, message), step in zip(found[config.pose_topic], steps, strict=True):
             same((message.pose.position.x, message.pose.position.y), step.sensed.pose[:2])
-        for (_, message), step in zip(found[interface.twist_topic], steps, strict=True):
+        for (_, message), step in zip(found[config.twist_topic], steps, strict=True):
             same(speeds(message.twist), step.sensed.twist)
 
 
@@ -134,7 +134,7 @@ def test_flags_that_change_are_told_once():
         (True, True, False, False),
         (False, True, False, True),
     ]
-    told = [events(before, now) for before, now in zip([BEGINS, *flags], flags, strict=False)]
+    told = [changes(before, now) for before, now in zip([BEGINS, *flags], flags, strict=False)]
     assert told == [
         [],
         ["stops: something is in its way"],
@@ -146,7 +146,7 @@ def test_flags_that_change_are_told_once():
 def test_another_library_reads_the_mcap_file(tmp_path):
     points = np.array([[1.5, -2.0], [0.25, 3.0]], np.float32)
     steps = [still((0.1 * k, -1.0, 0.5), points) for k in range(5)]
-    path = write(tmp_path / "R1", "mcap", INTERFACES["husky"], steps)
+    path = write(tmp_path / "R1", "mcap", ROBOT_CONFIGS["husky"], steps)
     with (path / "R1.mcap").open("rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
         found = {}
@@ -165,7 +165,7 @@ def test_another_library_reads_the_mcap_file(tmp_path):
 
 @pytest.mark.skipif(shutil.which("rosbag") is None, reason="there is no rosbag of ROS 1 here")
 def test_ros_1_itself_reads_its_bag(tmp_path):
-    path = write(tmp_path / "R1.bag", "ros1", INTERFACES["husky"], [still()] * 3)
+    path = write(tmp_path / "R1.bag", "ros1", ROBOT_CONFIGS["husky"], [still()] * 3)
     told = subprocess.run(["rosbag", "info", str(path)], check=False, capture_output=True, text=True, timeout=60)
     assert told.returncode == 0, told.stderr
     for text in ("/nav/cmd_vel", "3 msgs    : geometry_msgs/Twist", "nav_msgs/Odometry", "tf2_msgs/TFMessage"):
@@ -175,20 +175,20 @@ def test_ros_1_itself_reads_its_bag(tmp_path):
 # ---- bad input -------------------------------------------------------------------------------------------------
 
 
-def robot(path, interface=INTERFACES["husky"], begin=None):
-    return RecordedRobot("R1", Path(path), interface, begin)
+def robot(path, config=ROBOT_CONFIGS["husky"], begin=None):
+    return RecordedRobot("R1", Path(path), config, begin)
 
 
 def good_bag(folder, bag="mcap", points=True):
     scan = np.zeros((1, 2), np.float32) if points else None
-    return write(bag_path(folder, "R1", bag), bag, INTERFACES["husky"], [still(points=scan)] * 3)
+    return write(bag_path(folder, "R1", bag), bag, ROBOT_CONFIGS["husky"], [still(points=scan)] * 3)
 
 
 def test_files_that_are_no_bags_are_named(tmp_path):
     simulation = Simulation(World(), HUSKY, [[0, 0, 0]])
-    recorder = Recorder(simulation)
+    recorder = RunRecorder(simulation)
     recorder.add(simulation.sense(), None)
-    foxglove = recorder.recording().save(tmp_path / "run.mcap")
+    foxglove = save_recording(recorder.recording(), tmp_path / "run.mcap")
     (tmp_path / "text.bag").write_text("no bag")
     (tmp_path / "text.mcap").write_text("no bag")
     (tmp_path / "empty.db3").write_text("")
@@ -238,7 +238,7 @@ def test_a_bag_that_was_not_finished_is_named(tmp_path):
 def test_what_a_bag_lacks_is_named(bag, changes, message, tmp_path):
     good_bag(tmp_path, bag)
     with pytest.raises(InputError, match=message):
-        robot(tmp_path, dataclasses.replace(INTERFACES["husky"], **changes))
+        robot(tmp_path, dataclasses.replace(ROBOT_CONFIGS["husky"], **changes))
 
 
 def test_a_beginning_after_the_end_is_named(tmp_path):
@@ -248,7 +248,7 @@ def test_a_beginning_after_the_end_is_named(tmp_path):
 
 
 def test_a_bag_without_messages_is_named(tmp_path):
-    write(tmp_path / "R1", "mcap", INTERFACES["husky"], [])
+    write(tmp_path / "R1", "mcap", ROBOT_CONFIGS["husky"], [])
     with pytest.raises(InputError, match="R1 has no message for R1"):
         robot(tmp_path)
 
@@ -299,17 +299,17 @@ def test_broken_bags_are_refused_or_read(whole, name, place, byte, many):
 
 
 def test_topics_have_one_name_each():
-    for interface in INTERFACES.values():
-        names = [topic.name for topic in topics(interface)]
+    for config in ROBOT_CONFIGS.values():
+        names = [topic.name for topic in bag_topics(config)]
         assert len(set(names)) == len(names)
         assert all(name.startswith("/") for name in names)
 
 
 def test_a_reader_gives_topics_with_a_slash_or_without(tmp_path):
     path = write(
-        tmp_path / "R1", "mcap", dataclasses.replace(INTERFACES["husky"], odometry_topic="odom"), [still()] * 2
+        tmp_path / "R1", "mcap", dataclasses.replace(ROBOT_CONFIGS["husky"], odometry_topic="odom"), [still()] * 2
     )
-    asked = topics(dataclasses.replace(INTERFACES["husky"], odometry_topic="/odom"))
+    asked = bag_topics(dataclasses.replace(ROBOT_CONFIGS["husky"], odometry_topic="/odom"))
     reader = BagReader(path, asked, "R1")
     assert reader.counts["odometry_topic"] == 2
     assert [message.stamp for message in reader.messages() if message.field == "odometry_topic"] == [

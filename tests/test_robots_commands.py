@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from mp2a.exceptions import InputError
 from mp2a.formation.robot_models import HUSKY, ROBOTS
 from mp2a.robots import limits, robots_file, slip, sound
+from mp2a.robots.clock import RealTimeClock
 from mp2a.robots.cloud import points
-from mp2a.robots.pace import Ticker
-from mp2a.robots.table import INTERFACES, RobotInterface
+from mp2a.robots.robot_config import ROBOT_CONFIGS, RobotConfig
 from mp2a.simulator import PHYSICS_ENGINE_SLIP, Simulation, TurnSlip, World
 
 SPEED = st.floats(-5, 5, allow_subnormal=False)
@@ -101,13 +101,13 @@ def test_learned_slip_gives_the_turn_that_was_wanted(true_slip, wanted):
     np.testing.assert_allclose(without, wanted * true_slip.ratio(speeds), rtol=1e-6)
     learned, known = turn(true_slip, speeds, wanted)
     np.testing.assert_allclose(learned, wanted, rtol=0.02)
-    assert slip.share(known, speeds[-1]) == pytest.approx(float(true_slip.ratio(speeds[-1])), rel=0.02)
+    assert slip.remaining_share(known, speeds[-1]) == pytest.approx(float(true_slip.ratio(speeds[-1])), rel=0.02)
 
 
 def test_where_nothing_slips_nothing_is_changed():
     learned, known = turn(TurnSlip(1.0, 1.0), (0.5,), 0.4)
     np.testing.assert_allclose(learned, 0.4, rtol=1e-3)
-    assert slip.share(known, 0.5) == pytest.approx(1.0, abs=1e-3)
+    assert slip.remaining_share(known, 0.5) == pytest.approx(1.0, abs=1e-3)
 
 
 @given(st.lists(st.tuples(st.floats(-2, 2), st.floats(-1, 1), st.floats(-50, 50)), max_size=40))
@@ -153,7 +153,7 @@ class Clock:
 @given(st.lists(st.floats(0, 0.049), min_size=1, max_size=50), st.floats(0, 0.0009))
 def test_ticks_do_not_drift(work, late):
     clock = Clock(late)
-    ticker = Ticker(0.05, clock=clock, sleep=clock.sleep)
+    ticker = RealTimeClock(0.05, clock=clock, sleep=clock.sleep)
     for k, busy in enumerate(work):
         clock.now += max(0.0, busy - 2 * late)
         ticker.wait()
@@ -162,7 +162,7 @@ def test_ticks_do_not_drift(work, late):
 
 def test_missed_ticks_are_left_out():
     clock = Clock(0.0)
-    ticker = Ticker(0.05, clock=clock, sleep=clock.sleep)
+    ticker = RealTimeClock(0.05, clock=clock, sleep=clock.sleep)
     clock.now += 0.172
     ticker.wait()
     late = clock.now
@@ -177,7 +177,7 @@ def test_says_the_sentence_once_then_beeps_every_three_seconds_until_the_way_is_
     state, heard = sound.CLEAR, []
     for tick in range(200):
         t = tick / 10
-        state = sound.sound(state, 2 <= t < 12 or t >= 15, t)
+        state = sound.next_sound(state, 2 <= t < 12 or t >= 15, t)
         heard += [(t, state.say)] * (state.say is not None) + [(t, "beep")] * state.beep
     assert heard == [
         (2, sound.TEXT), (5, "beep"), (8, "beep"), (11, "beep"), (15, sound.TEXT), (18, "beep"),
@@ -244,7 +244,7 @@ def test_clouds_that_cannot_be_read_are_refused():
 
 def test_the_table_is_what_thesis_and_robots_say():
     for name, model in ROBOTS.items():
-        interface = INTERFACES[name]
+        interface = ROBOT_CONFIGS[name]
         assert interface.model == model
         assert (interface.command_topic, interface.human_topic, interface.message) == (
             "/nav/cmd_vel",
@@ -254,8 +254,8 @@ def test_the_table_is_what_thesis_and_robots_say():
         assert (interface.points_topic, interface.fixed_frame, interface.body_frame) == (
             "/points_filtered", "map", "base_link",
         )  # fmt: skip
-    assert INTERFACES["tradr"].acquire == "/mux_cmd_vel/acquire"
-    assert INTERFACES["husky-jazzy"].message == "TwistStamped"
+    assert ROBOT_CONFIGS["tradr"].acquire == "/mux_cmd_vel/acquire"
+    assert ROBOT_CONFIGS["husky-jazzy"].message == "TwistStamped"
 
 
 FILE = """
@@ -275,10 +275,12 @@ odometry_topic = "/imu_odom"
 
 
 def test_a_robots_file_overrides_the_table():
-    found = robots_file.parse(FILE, ("R1", "R2"))
+    found = robots_file.parse_robots(FILE, ("R1", "R2"))
     assert (found.adapter, found.origin, str(found.world)) == ("ros1", "fixed-frame", "hall.toml")
-    first, second = found.interfaces["R1"], found.interfaces["R2"]
-    assert first == dataclasses.replace(INTERFACES["husky"], rate=25, model=dataclasses.replace(HUSKY, max_speed=0.6))
+    first, second = found.configs["R1"], found.configs["R2"]
+    assert first == dataclasses.replace(
+        ROBOT_CONFIGS["husky"], rate=25, model=dataclasses.replace(HUSKY, max_speed=0.6)
+    )
     assert second.command_topic == "/tradr2/nav/cmd_vel"
     assert second.acquire == "/tradr2/mux_cmd_vel/acquire"
     assert (second.fixed_frame, second.body_frame) == ("tradr2/map", "tradr2/base_link")
@@ -299,6 +301,11 @@ def test_a_robots_file_overrides_the_table():
         ("max_speed = 0.6", "rate = 5", "robots.R1: rate: got 5 Hz, expected at least 10"),
         ("max_speed = 0.6", 'rate = "20"', "robots.R1: rate: got '20', expected a number"),
         ("max_speed = 0.6", "patience = 0.05", "robots.R1: patience: got 0.05 s, expected at least two ticks"),
+        ("max_speed = 0.6", "rate = 1e300", r"robots.R1: rate: got 1e\+300, expected at most 200"),
+        ("max_speed = 0.6", "max_speed = 1e300", r"robots.R1: max_speed: got 1e\+300, expected at most 20"),
+        ("max_speed = 0.6", "max_turn_rate = 1e9", r"robots.R1: max_turn_rate: got 1e\+09, expected at most 20"),
+        ("max_speed = 0.6", "patience = 10", "robots.R1: patience: got 10, expected at most 1"),
+        ("max_speed = 0.6", f"max_speed = {10**400}", "robots.R1: "),
         ("max_speed = 0.6", 'command_topic = "/cmd_vel"', "expected another one than the human's"),
         ("max_speed = 0.6", 'message = "Pose"', "message: got 'Pose', expected one of Twist, TwistStamped"),
         ("max_speed = 0.6", 'acquire = "/x"', "expected both or none"),
@@ -314,16 +321,16 @@ def test_a_robots_file_overrides_the_table():
 def test_mistakes_in_a_robots_file_are_named(old, new, message):
     assert old in FILE
     with pytest.raises(InputError, match=message):
-        robots_file.parse(FILE.replace(old, new, 1), ("R1", "R2"))
+        robots_file.parse_robots(FILE.replace(old, new, 1), ("R1", "R2"))
 
 
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(InputError, match="cannot be read as a robots file"):
-        robots_file.read(tmp_path / "none.toml", ("R1",))
+        robots_file.read_robots(tmp_path / "none.toml", ("R1",))
     (tmp_path / "r.toml").write_text('world = "w.toml"\n[robots.R1]\nmodel = "husky"')
-    assert robots_file.read(tmp_path / "r.toml", ("R1",)).world == tmp_path / "w.toml"
+    assert robots_file.read_robots(tmp_path / "r.toml", ("R1",)).world == tmp_path / "w.toml"
 
 
 def test_an_interface_made_in_python_is_checked_as_well():
     with pytest.raises(InputError, match="pose_age"):
-        RobotInterface(HUSKY, pose_age=0)
+        RobotConfig(HUSKY, pose_age=0)

@@ -1,8 +1,10 @@
 """Robots drive scenarios behind the interface of real ones: ideal, simulated, failing."""
 
 import csv
+import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -14,17 +16,21 @@ from mp2a import launch
 from mp2a.cli import main
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography.ideal import run as ideal_run
-from mp2a.formation.choreography.places import compose
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
+from mp2a.formation.outcome import status
 from mp2a.formation.robot_models import HUSKY
-from mp2a.robots import fleet, robots_file, sound
+from mp2a.robots import drive_setup, dry, robots_file, sound
+from mp2a.robots.adapters import AdapterResult
+from mp2a.robots.clock import VirtualClock
 from mp2a.robots.driver import Driver, run
-from mp2a.robots.dry import DryRobot, VirtualPace
+from mp2a.robots.dry import DryRobot
 from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.robots.planner import ChoreographyPlanner, origin_of
-from mp2a.robots.simulated import SimulatedPace
-from mp2a.robots.table import INTERFACES
+from mp2a.robots.robot_config import ROBOT_CONFIGS
+from mp2a.robots.sender import Sender
+from mp2a.robots.simulated import SimulationClock
+from mp2a.se2 import compose
 from mp2a.simulator import NO_SLIP, PHYSICS_ENGINE_SLIP, Simulation, World
 
 SCENARIOS = Path(__file__).parents[1] / "examples" / "scenarios"
@@ -35,28 +41,31 @@ POSE = st.tuples(*[st.floats(-5, 5)] * 3)
 
 def simulated(scenario, world=None, slip=NO_SLIP):
     """Drivers of simulated robots, in one process."""
-    interfaces = [INTERFACES["husky"]] * len(scenario.robots)
-    places = Choreography(scenario, HUSKY).places()
+    configs = [ROBOT_CONFIGS["husky"]] * len(scenario.robots)
+    places = Choreography(scenario, HUSKY).slot_poses()
     simulation = Simulation(World() if world is None else world, HUSKY, places, slip=slip)
-    pace = SimulatedPace(simulation, 0.05, range(len(places)))
+    clock = SimulationClock(simulation, 0.05, range(len(places)))
     drivers = [
-        Driver(role, robot, interface, ChoreographyPlanner(Choreography(scenario, HUSKY), role, True), False)
-        for role, robot, interface in zip(scenario.robots, pace.robots, interfaces, strict=True)
+        Driver(role, robot, config, ChoreographyPlanner(Choreography(scenario, HUSKY), role, True), False)
+        for role, robot, config in zip(scenario.robots, clock.robots, configs, strict=True)
     ]
-    return drivers, pace
+    return drivers, clock
 
 
-def steps_of(drivers, pace, longest=100):
-    """Drive; returns whether all went well, and the steps by role."""
+def steps_of(drivers, clock, longest=100):
+    """Drive; returns whether all went well, and the steps by role, without the last one that stops the robot."""
     steps = {driver.role: [] for driver in drivers}
-    return run(drivers, pace, longest, lambda driver, step: steps[driver.role].append(step)), steps
+    run(drivers, clock, longest, lambda driver, step: steps[driver.role].append(step))
+    last = [driven.pop() for driven in steps.values()]
+    assert all(step.stands and not step.command.any() for step in last)
+    return not status(driver.outcome() for driver in drivers), steps
 
 
 def test_each_robot_alone_does_what_all_together_do():
     """Nobody needs to know the others: ideal robots drive as in one choreography that knows all."""
-    found = robots_file.parse('[robots.R1]\nmodel="husky"\n[robots.R2]\nmodel="husky"', TWO.robots)
-    crew = fleet.build(TWO, found, TWO.robots, None)
-    good, steps = steps_of(crew.drivers, crew.pace)
+    found = robots_file.parse_robots('[robots.R1]\nmodel="husky"\n[robots.R2]\nmodel="husky"', TWO.robots)
+    setup = drive_setup.set_up(TWO, found, TWO.robots, None)
+    good, steps = steps_of(setup.drivers, setup.clock)
     assert good
     together = ideal_run(Choreography(TWO, HUSKY))
     for i, role in enumerate(TWO.robots):
@@ -67,10 +76,10 @@ def test_each_robot_alone_does_what_all_together_do():
 
 @pytest.mark.parametrize("slip", [NO_SLIP, PHYSICS_ENGINE_SLIP])
 def test_commands_keep_to_speeds_and_accelerations(slip):
-    drivers, pace = simulated(TWO, slip=slip)
-    good, steps = steps_of(drivers, pace)
+    drivers, clock = simulated(TWO, slip=slip)
+    good, steps = steps_of(drivers, clock)
     assert good
-    assert not pace.simulation.collisions
+    assert not clock.simulation.collisions
     for driven in steps.values():
         commands = np.array([step.command for step in driven])
         assert (np.abs(commands) <= [HUSKY.max_speed, HUSKY.max_turn_rate]).all()
@@ -81,20 +90,20 @@ def test_commands_keep_to_speeds_and_accelerations(slip):
 
 def test_learning_slip_brings_slipping_robots_closer_to_their_path(monkeypatch):
     def error():
-        drivers, pace = simulated(TWO, slip=PHYSICS_ENGINE_SLIP)
-        good, steps = steps_of(drivers, pace)
-        assert good
+        drivers, clock = simulated(TWO, slip=PHYSICS_ENGINE_SLIP)
+        good, steps = steps_of(drivers, clock)
         worst = 0.0
         for driven in steps.values():
             track = np.array([step.pose[:2] for step in driven])
             leader = np.array([step.leader for step in driven])
             line = np.concatenate((np.linspace(track[0], leader[0], 50), leader))
             worst = max(worst, np.min(np.hypot(*(track[:, None] - line).transpose(2, 0, 1)), axis=1).max())
-        return worst
+        return good, worst
 
-    learning = error()
+    arrived, learning = error()
     monkeypatch.setattr("mp2a.robots.slip.learn", lambda slip, *_: slip)
-    assert learning < error()
+    assert arrived
+    assert learning < error()[1]
 
 
 class Failing(DryRobot):
@@ -124,8 +133,8 @@ class Failing(DryRobot):
 def fail(what, lidar=True):
     robot = Failing([-0.5, 0, 0], what, lidar)
     planner = ChoreographyPlanner(Choreography(AHEAD, HUSKY), "R1", lidar)
-    driver = Driver("R1", robot, INTERFACES["husky"], planner, False)
-    good, steps = steps_of([driver], VirtualPace(0.05, [robot]), 30)
+    driver = Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, False)
+    good, steps = steps_of([driver], VirtualClock(0.05, [robot]), 30)
     return good, robot, steps["R1"]
 
 
@@ -159,7 +168,9 @@ def test_a_pose_that_is_lost_at_the_start_does_not_lose_the_place():
     """The frames are tied at the first pose that is known, wherever the robot's own frame lies."""
     robot = Failing([3.0, -2.0, 1.0], lambda tick: "pose" if tick < 3 else None, False)
     planner = ChoreographyPlanner(Choreography(AHEAD, HUSKY), "R1", False)
-    good, steps = steps_of([Driver("R1", robot, INTERFACES["husky"], planner, True)], VirtualPace(0.05, [robot]), 30)
+    good, steps = steps_of(
+        [Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, True)], VirtualClock(0.05, [robot]), 30
+    )
     assert good
     assert np.isnan(steps["R1"][1].pose).all()
     np.testing.assert_allclose(steps["R1"][2].pose, [-0.5, 0, 0], atol=1e-12)
@@ -193,7 +204,7 @@ def test_a_robot_is_closed_whatever_happens():
     robot = Broken(HUSKY, np.zeros(3))
     planner = ChoreographyPlanner(Choreography(AHEAD, HUSKY), "R1", False)
     with pytest.raises(RuntimeError, match="no"):
-        run([Driver("R1", robot, INTERFACES["husky"], planner, False)], VirtualPace(0.05, [robot]), 30)
+        run([Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, False)], VirtualClock(0.05, [robot]), 30)
     assert robot.closed
 
 
@@ -212,8 +223,8 @@ def test_where_the_fixed_frame_lies_does_not_matter(frame):
         robot = DryRobot(HUSKY, start)
         scenario = parse("robots R1\nrow R1 0 0\nmove 1 40")
         planner = ChoreographyPlanner(Choreography(scenario, HUSKY), "R1", False)
-        driver = Driver("R1", robot, INTERFACES["husky"], planner, True)
-        _, steps = steps_of([driver], VirtualPace(0.05, [robot]), 2)
+        driver = Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, True)
+        _, steps = steps_of([driver], VirtualClock(0.05, [robot]), 2)
         return np.array([step.command for step in steps["R1"]])
 
     np.testing.assert_allclose(commands(np.array(frame)), commands(np.zeros(3)), atol=1e-6)
@@ -227,7 +238,7 @@ def test_dry_run_prints_what_would_be_sent_and_records_it(tmp_path, capsys):
     assert main(["drive", path, "--robots", "R1=husky,R2=tradr", "--record", str(tmp_path), "--bag", "none"]) == 0
     printed = capsys.readouterr().out
     assert "/nav/cmd_vel  linear.x" in printed
-    assert printed.count("would be sent  done") == 2
+    assert printed.count("would be sent  done") == 4  # at its end, and the zero that stops it
     assert sorted(file.name for file in tmp_path.iterdir()) == ["R1.csv", "R2.csv"]
     with (tmp_path / "R2.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -262,15 +273,100 @@ def test_the_example_drives_in_the_simulator():
     assert main(["drive", str(SCENARIOS / "listing_7_1.txt"), *options]) == 0
 
 
+WALL = "[[wall]]\npoints = [[3, -5], [3, 5]]\n"
+
+
+def behind_a_wall(tmp_path):
+    """Options of a drive of one robot to a place behind a wall."""
+    (tmp_path / "ahead.txt").write_text("robots R1\nrow R1 0 0\nmove 6 0")
+    (tmp_path / "wall.toml").write_text(WALL)
+    (tmp_path / "robots.toml").write_text('adapter = "simulator"\nworld = "wall.toml"\n[robots.R1]\nmodel = "husky"\n')
+    return ["drive", str(tmp_path / "ahead.txt"), "--robots", str(tmp_path / "robots.toml")]
+
+
+def test_a_robot_that_is_blocked_short_of_its_place_has_not_arrived(tmp_path, capsys):
+    assert main([*behind_a_wall(tmp_path), "--record", str(tmp_path / "r"), "--bag", "none"]) == 3
+    printed = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(
+        r"R1 did not arrive, [34]\.\d\d m from its place: blocked by something in front of it", printed[-1]
+    )
+    last = [line for line in printed if "angular.z" in line][-1]
+    assert "linear.x  0.000 m/s  angular.z  0.000 rad/s" in last
+    with (tmp_path / "r" / "R1.csv").open() as file:
+        row = list(csv.DictReader(file))[-1]
+    assert (row["linear_x"], row["angular_z"]) == ("0", "0")
+    assert float(row["time"]) < 30, "it gives up some seconds after its leader has come to the end"
+
+
+def test_under_mpirun_all_ranks_tell_one_outcome(tmp_path):
+    scenario = tmp_path / "row.txt"
+    scenario.write_text("robots R1 R2\nrow R1,R2 0 4\nmove 6 0")
+    (tmp_path / "wall.toml").write_text("[[wall]]\npoints = [[3, 1], [3, 5]]\n")
+    robots = tmp_path / "robots.toml"
+    robots.write_text(
+        'adapter = "simulator"\nworld = "wall.toml"\n[robots.R1]\nmodel = "husky"\n[robots.R2]\nmodel = "husky"\n'
+    )
+    program = [sys.executable, "-m", "mp2a", "drive", str(scenario), "--robots", str(robots), "--quiet"]
+    done = launch.run(2, program, timeout=120, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    assert done.returncode == 3
+    assert done.stdout.count("R1 did not arrive, ") == done.stdout.count("2 robots, ") == 1
+    assert "R2 did not" not in done.stdout
+
+
+def test_a_drive_that_takes_too_long_or_loses_its_pose_says_so(monkeypatch, capsys):
+    path = str(SCENARIOS / "listing_7_1.txt")
+    assert main(["drive", path, "--longest", "3", "--quiet"]) == 3
+    assert "m from its place: time was up" in capsys.readouterr().out
+    monkeypatch.setattr(DryRobot, "sense", lambda self: Sensed(NO_POSE, np.zeros(2), None))
+    assert main(["drive", path, "--quiet"]) == 3
+    assert "R1 did not arrive: in its error state, its pose was lost" in capsys.readouterr().out
+
+
+def test_a_planner_that_stalls_is_told_in_a_line(tmp_path, monkeypatch, capsys):
+    """The watchdog has stopped the robot; the command says so, how far the robot came, and ends with 2."""
+    interface = ROBOT_CONFIGS["husky"]
+
+    class Watched(DryRobot):
+        def __init__(self, pose):
+            super().__init__(HUSKY, pose)
+            self.sender = Sender(interface, "file", file=str(tmp_path / "sent"))
+
+        def send(self, command):
+            super().send(command)
+            self.sender.send(*command)
+            if self._time > 1:
+                time.sleep(3 * interface.patience)
+
+        def close(self):
+            self.sender.close()
+
+    def make(config):
+        robots = [Watched(config.places[0])]
+        return AdapterResult(robots, VirtualClock(config.period, robots))
+
+    monkeypatch.setattr(dry, "make", make)
+    scenario = tmp_path / "ahead.txt"
+    scenario.write_text("robots R1\nrow R1 0 0\nmove 6 0")
+    assert main(["drive", str(scenario), "--quiet"]) == 2
+    said = capsys.readouterr()
+    assert re.search(
+        r"R1 did not arrive, \d\.\d\d m from its place: in its error state, the watchdog takes no", said.out
+    )
+    assert said.err.strip().endswith(
+        "the watchdog takes no more commands (it has got no command for too long); the robot stands"
+    )
+    assert "Traceback" not in said.err
+
+
 def test_a_scenario_that_is_not_there(capsys):
     assert main(["drive", "nowhere.txt"]) == 2
     assert "SCENARIO: nowhere.txt cannot be read" in capsys.readouterr().err
 
 
 def test_unequal_rates_need_real_time():
-    found = robots_file.parse('[robots.R1]\nmodel="husky"\nrate=25\n[robots.R2]\nmodel="husky"', TWO.robots)
+    found = robots_file.parse_robots('[robots.R1]\nmodel="husky"\nrate=25\n[robots.R2]\nmodel="husky"', TWO.robots)
     with pytest.raises(InputError, match="rate: got 20, 25 Hz, expected one for all"):
-        fleet.build(TWO, found, TWO.robots, None)
+        drive_setup.set_up(TWO, found, TWO.robots, None)
 
 
 def test_a_wrong_number_of_ranks_ends_all():

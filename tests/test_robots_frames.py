@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mp2a.robots.frames import Transforms
+from mp2a.robots.transforms import Transforms
 
 FRAMES = ("map", "odom", "base_link", "lidar", "camera")
 
@@ -68,7 +68,7 @@ def test_look_ups_agree_with_each_other_in_any_tree(links, parents, a, b, c):
     there, back, by_way = frames.look_up(a, b), frames.look_up(b, a), frames.look_up(a, c)
     np.testing.assert_allclose(there.apply(back.apply(points)), points, atol=1e-12 * 100)
     np.testing.assert_allclose(by_way.apply(frames.look_up(c, b).apply(points)), there.apply(points), atol=1e-11)
-    np.testing.assert_allclose(there.turn @ there.turn.T, np.eye(3), atol=1e-14)
+    np.testing.assert_allclose(there.rotation @ there.rotation.T, np.eye(3), atol=1e-14)
     assert frames.look_up(a, a).apply(points) == pytest.approx(points)
 
 
@@ -77,8 +77,8 @@ def test_a_chain_is_one_shift_and_turn_after_the_other(frames):
     frames.put(message("map", "odom", (1.0, 0.0, 0.0), quarter))
     frames.put(message("/odom", "/base_link", (2.0, 0.0, 0.0), quarter))
     found = frames.look_up("map", "base_link")
-    np.testing.assert_allclose(found.shift, (1.0, 2.0, 0.0), atol=1e-15)
-    assert abs(found.heading) == pytest.approx(math.pi)
+    np.testing.assert_allclose(found.translation, (1.0, 2.0, 0.0), atol=1e-15)
+    assert abs(found.pose[2]) == pytest.approx(math.pi)
     np.testing.assert_allclose(found.apply(np.array([[1.0, 0.0, 0.0]])), [[0.0, 2.0, 0.0]], atol=1e-15)
 
 
@@ -114,7 +114,7 @@ def test_who_sets_the_clock_does_not_make_transforms_young(frames, clock, steady
     steady.now += 1
     assert frames.look_up("map", "base_link").age == pytest.approx(1.0)
     frames.put(message("map", "base_link", (2.0, 0.0, 0.0), stamp=set_to))
-    assert frames.look_up("map", "base_link").shift[0] == 2.0
+    assert frames.look_up("map", "base_link").translation[0] == 2.0
     assert frames.look_up("map", "base_link").age == pytest.approx(0.0)
 
 
@@ -127,7 +127,7 @@ def test_a_stamp_in_the_future_is_now(frames, steady):
 def test_what_comes_late_does_not_replace_what_is_newer(frames):
     frames.put(message("map", "base_link", (2.0, 0.0, 0.0), stamp=999.9))
     frames.put(message("map", "base_link", (1.0, 0.0, 0.0), stamp=999.8))
-    assert frames.look_up("map", "base_link").shift[0] == 2.0
+    assert frames.look_up("map", "base_link").translation[0] == 2.0
 
 
 @pytest.mark.parametrize(
@@ -145,4 +145,4 @@ def test_what_is_no_transform_is_left_out(frames, shift, turn):
     assert frames.look_up("map", "base_link") is None
     frames.put(message("map", "base_link", (1.0, 0.0, 0.0)))
     frames.put(message("map", "base_link", shift, turn))
-    assert frames.look_up("map", "base_link").shift[0] == 1.0
+    assert frames.look_up("map", "base_link").translation[0] == 1.0

@@ -15,15 +15,16 @@ from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY
 from mp2a.robots.adapters import EPOCH
+from mp2a.robots.clock import VirtualClock
 from mp2a.robots.driver import Driver, run
-from mp2a.robots.dry import DryRobot, VirtualPace
+from mp2a.robots.dry import DryRobot
 from mp2a.robots.interface import NO_POSE
 from mp2a.robots.planner import ChoreographyPlanner
 from mp2a.robots.records.bag_writer import BagWriter, bag_path
-from mp2a.robots.records.recorded import RecordedPace, RecordedRobot, report
+from mp2a.robots.records.recorded import RecordedRobot, difference_report
+from mp2a.robots.robot_config import ROBOT_CONFIGS
 from mp2a.robots.robots_file import within
-from mp2a.robots.simulated import SimulatedPace
-from mp2a.robots.table import INTERFACES
+from mp2a.robots.simulated import SimulationClock
 from mp2a.simulator import PHYSICS_ENGINE_SLIP, Simulation, parse_world
 
 SCENARIO = Path(__file__).parents[1] / "examples" / "scenarios" / "listing_7_1.txt"
@@ -33,7 +34,7 @@ ROUNDING = 1e-9
 SECOND = 1_000_000_000
 
 
-def drive(scenario, robots, pace, in_place, interface=INTERFACES["husky"], **options):
+def drive(scenario, robots, clock, in_place, interface=ROBOT_CONFIGS["husky"], **options):
     """Drive robots through a scenario; returns the steps of each role."""
     drivers = [
         Driver(
@@ -46,11 +47,11 @@ def drive(scenario, robots, pace, in_place, interface=INTERFACES["husky"], **opt
         for role, robot in zip(scenario.robots, robots, strict=True)
     ]
     steps = {role: [] for role in scenario.robots}
-    run(drivers, pace, 60, lambda driver, step: steps[driver.role].append(step))
+    run(drivers, clock, 60, lambda driver, step: steps[driver.role].append(step))
     return steps
 
 
-def write(folder, bag, steps, interface=INTERFACES["husky"]):
+def write(folder, bag, steps, interface=ROBOT_CONFIGS["husky"]):
     for role, driven in steps.items():
         writer = BagWriter(bag_path(folder, role, bag), bag, role, interface)
         for step in driven:
@@ -58,9 +59,9 @@ def write(folder, bag, steps, interface=INTERFACES["husky"]):
         writer.close()
 
 
-def replay(scenario, folder, interface=INTERFACES["husky"], **options):
+def replay(scenario, folder, interface=ROBOT_CONFIGS["husky"], **options):
     robots = [RecordedRobot(role, folder, interface) for role in scenario.robots]
-    return drive(scenario, robots, RecordedPace(0.05, robots), True, interface, **options), robots
+    return drive(scenario, robots, VirtualClock(0.05, robots), True, interface, **options), robots
 
 
 def commands(steps):
@@ -80,9 +81,9 @@ def assert_same(steps, again):
 def simulated():
     """A drive with slip in the simulator, past something that pushes, up to something that stops."""
     world = parse_world("[[disc]]\ncentre = [2.2, 1.6]\nradius = 0.2\n[[wall]]\npoints = [[1, -2.6], [5, -2.6]]\n")
-    simulation = Simulation(world, HUSKY, Choreography(TWO, HUSKY).places(), slip=PHYSICS_ENGINE_SLIP)
-    pace = SimulatedPace(simulation, 0.05, range(2))
-    return drive(TWO, pace.robots, pace, False)
+    simulation = Simulation(world, HUSKY, Choreography(TWO, HUSKY).slot_poses(), slip=PHYSICS_ENGINE_SLIP)
+    clock = SimulationClock(simulation, 0.05, range(2))
+    return drive(TWO, clock.robots, clock, False)
 
 
 @pytest.mark.parametrize("bag", ["mcap", "ros1", "ros2"])
@@ -97,7 +98,7 @@ def test_a_simulated_drive_gives_its_commands_again(bag, simulated, tmp_path):
             assert (step.sensed.points is None) == (once_more.sensed.points is None)
             if step.sensed.points is not None:
                 np.testing.assert_array_equal(once_more.sensed.points, step.sensed.points)
-        assert robot.difference.compared == len(driven)
+        assert robot.difference.compared == len(driven) - 1  # the last one stops it
         assert (robot.difference.largest <= ROUNDING).all()
 
 
@@ -111,14 +112,14 @@ def test_points_and_speed_limit_make_a_difference(simulated, tmp_path):
     _, robots = replay(TWO, tmp_path / "again", max_speed=0.3)
     assert min(robot.difference.largest[0] for robot in robots) > 0.1
     speed = f"linear.x {robots[0].difference.largest[0]:.3g} m/s"
-    assert speed in report(robots[0], True)[0]
+    assert speed in difference_report(robots[0], True)[0]
 
 
 def _without_points(step):
     return step._replace(sensed=step.sensed._replace(points=None))
 
 
-class Late(VirtualPace):
+class Late(VirtualClock):
     """Time whose ticks are late, as real ones are."""
 
     def __init__(self, robots, delays):
@@ -138,12 +139,12 @@ class Late(VirtualPace):
 def test_ticks_that_were_late_are_met_again(tmp_path_factory, delays, pose, frame):
     folder = tmp_path_factory.mktemp("late")
     scenario = parse("robots R1\nrow R1 0 0\nmove 2 150")
-    interface = dataclasses.replace(within(INTERFACES["husky"], "R1"), pose=pose)
+    interface = dataclasses.replace(within(ROBOT_CONFIGS["husky"], "R1"), pose=pose)
     robot = DryRobot(HUSKY, np.array(frame))
     steps = drive(scenario, [robot], Late([robot], delays), True, interface)
     write(folder, "mcap", steps, interface)
     again, robots = replay(scenario, folder, interface)
-    assert len(commands(steps["R1"])) == robots[0].difference.compared
+    assert len(commands(steps["R1"])) - 1 == robots[0].difference.compared
     assert_same(steps, again)
 
 
@@ -158,7 +159,7 @@ def test_lost_poses_and_a_human_are_met_again(tmp_path):
 
     scenario = parse("robots R1\nrow R1 0 0\nmove 6 0")
     robot = Disturbed(HUSKY, [-0.5, 0, 0])
-    steps = drive(scenario, [robot], VirtualPace(0.05, [robot]), False)
+    steps = drive(scenario, [robot], VirtualClock(0.05, [robot]), False)
     write(tmp_path, "mcap", steps)
     assert {step.sensed.human for step in steps["R1"]} == {True, False}
     assert steps["R1"][-1].error
@@ -178,9 +179,8 @@ def test_the_command_records_and_plays_back(options, tmp_path, capsys):
         'adapter = "recording"\nrecording = "a"\n[robots.R1]\nmodel = "husky"\n[robots.R2]\nmodel = "husky"\n'
     )
     assert main(["drive", str(SCENARIO), "--quiet", "--robots", str(robots), "--record", str(tmp_path / "b")]) == 0
-    told = capsys.readouterr().out.splitlines()
-    assert len(told) == 2
-    assert all("largest difference to the recorded commands: linear.x" in line for line in told)
+    told = capsys.readouterr().out
+    assert told.count("largest difference to the recorded commands: linear.x") == 2
     for role in ("R1", "R2"):
         one, two = ((tmp_path / name / f"{role}.csv").read_text() for name in "ab")
         assert one.count("\n") == two.count("\n") > 100
@@ -293,7 +293,7 @@ def husky(tmp_path_factory):
 
 
 def test_a_bag_of_a_robot_gives_its_pose_speeds_and_points(husky):
-    robot = RecordedRobot("R1", husky, INTERFACES["husky"], begin=3.0)
+    robot = RecordedRobot("R1", husky, ROBOT_CONFIGS["husky"], begin=3.0)
     assert robot.has_lidar
     assert robot.epoch == 1_700_000_003 * SECOND
     for k in range(120):
@@ -309,13 +309,13 @@ def test_a_bag_of_a_robot_gives_its_pose_speeds_and_points(husky):
 
 
 def test_a_bag_of_a_robot_begins_as_soon_as_its_pose_is_known(husky):
-    robot = RecordedRobot("R1", husky, INTERFACES["husky"])
+    robot = RecordedRobot("R1", husky, ROBOT_CONFIGS["husky"])
     assert robot.epoch == 1_700_000_000 * SECOND
     np.testing.assert_allclose(robot.sense().pose, [1, 2, np.pi / 2])
 
 
 def test_commands_are_compared_with_those_in_force(husky):
-    robot = RecordedRobot("R1", husky, INTERFACES["husky"], begin=2.0)
+    robot = RecordedRobot("R1", husky, ROBOT_CONFIGS["husky"], begin=2.0)
     for k in range(160):
         robot.advance(0.05 * k)
         robot.send(np.array([0.4, 0.25 if k != 100 else 1.0]))
@@ -326,8 +326,8 @@ def test_commands_are_compared_with_those_in_force(husky):
 
 
 def test_points_that_nobody_can_place_are_told(husky):
-    lidar = dataclasses.replace(INTERFACES["husky"], body_frame="base_link2", pose="odometry")
+    lidar = dataclasses.replace(ROBOT_CONFIGS["husky"], body_frame="base_link2", pose="odometry")
     robot = RecordedRobot("R1", husky, lidar)
     robot.advance(0.0)
     assert robot.sense().points is None
-    assert "points in velodyne not used: no transform to base_link2" in report(robot, True)[1]
+    assert "points in velodyne not used: no transform to base_link2" in difference_report(robot, True)[1]

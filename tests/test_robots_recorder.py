@@ -1,6 +1,7 @@
 """The process that writes records: planners that are killed leave whole files, and a slow disk stops no robot."""
 
 import functools
+import importlib
 import os
 import resource
 import signal
@@ -16,20 +17,20 @@ from rosbags.highlevel import AnyReader
 
 from mp2a import launch
 from mp2a.cli import drive, main
-from mp2a.exceptions import DependencyError, InputError
-from mp2a.robots import fleet
-from mp2a.robots.adapters import ADAPTERS, REAL, Made
+from mp2a.exceptions import DependencyError, InputError, OutputError
+from mp2a.robots import drive_setup
+from mp2a.robots.adapters import ADAPTERS, REAL, Adapter, AdapterResult
 from mp2a.robots.dry import DryRobot
 from mp2a.robots.interface import Sensed
-from mp2a.robots.records.bag_topics import EVENTS_TOPIC
 from mp2a.robots.records.bag_writer import BAGS
-from mp2a.robots.records.recorder import NO_BAG, Orders, Recorder
+from mp2a.robots.records.recorder import NO_BAG, DriveRecorder, RecordConfig
+from mp2a.robots.robot_config import ROBOT_CONFIGS
 from mp2a.robots.start import Start
-from mp2a.robots.steps import Step
-from mp2a.robots.table import INTERFACES
+from mp2a.robots.ticks import DriveTick
+from mp2a.robots.topics import EVENTS_TOPIC
 
 SCENARIO = str(Path(__file__).parents[1] / "examples" / "scenarios" / "listing_7_1.txt")
-HUSKY = INTERFACES["husky"]
+HUSKY = ROBOT_CONFIGS["husky"]
 SECOND = 1_000_000_000
 LONG = 30.0
 
@@ -39,14 +40,15 @@ import os, signal, sys, time
 from pathlib import Path
 sys.path.insert(0, str(Path(sys.argv[3])))
 from test_robots_recorder import HUSKY, SECOND, step
-from mp2a.robots.records.recorder import Orders, Recorder
+from mp2a.robots.records.recorder import DriveRecorder, RecordConfig
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs come with it ignored
 roles = ["R1", "R2"]
 if sys.argv[4] == "mpi":
     from mpi4py import MPI
     roles = [roles[MPI.COMM_WORLD.rank]]
-recorder = Recorder(Orders(Path(sys.argv[1]), sys.argv[2], dict.fromkeys(roles, HUSKY), "starts"), wait=False)
+config = RecordConfig(Path(sys.argv[1]), sys.argv[2], dict.fromkeys(roles, HUSKY), "starts")
+recorder = DriveRecorder(config, wait=False)
 for k in range(50):
     for role in roles:
         recorder.add(role, (k + 1) * SECOND, step(k))
@@ -64,11 +66,11 @@ time.sleep(60)
 def step(k, points=10):
     scan = np.full((points, 2), k, np.float32)
     sensed = Sensed(np.array([k, 0.0, 0.0]), np.zeros(2), scan)
-    return Step(float(k), sensed, sensed.pose, np.zeros(2), np.array([0.5, 0.1]), 1.0, False, False, False)
+    return DriveTick(float(k), sensed, sensed.pose, np.zeros(2), np.array([0.5, 0.1]), 1.0, False, False, False)
 
 
 def orders(folder, bag="mcap", roles=("R1",)):
-    return Orders(Path(folder), bag, dict.fromkeys(roles, HUSKY), "starts")
+    return RecordConfig(Path(folder), bag, dict.fromkeys(roles, HUSKY), "starts")
 
 
 def count(path):
@@ -116,7 +118,7 @@ def assert_whole(folder):
 
 
 def test_a_writer_that_stalls_stops_nobody_and_loses_nothing(tmp_path):
-    recorder = Recorder(orders(tmp_path), wait=False)
+    recorder = DriveRecorder(orders(tmp_path), wait=False)
     os.kill(recorder.pid, signal.SIGSTOP)
     for k in range(100):  # 16 MB, far more than a pipe holds: it would hang here
         recorder.add("R1", (k + 1) * SECOND, step(k, 20_000))
@@ -126,7 +128,7 @@ def test_a_writer_that_stalls_stops_nobody_and_loses_nothing(tmp_path):
 
 
 def test_a_writer_that_is_killed_stops_nobody_and_is_told(tmp_path):
-    recorder = Recorder(orders(tmp_path), wait=True)
+    recorder = DriveRecorder(orders(tmp_path), wait=True)
     os.kill(recorder.pid, signal.SIGKILL)
     for k in range(100):
         recorder.add("R1", (k + 1) * SECOND, step(k, 20_000))
@@ -134,55 +136,76 @@ def test_a_writer_that_is_killed_stops_nobody_and_is_told(tmp_path):
 
 
 def test_what_the_disk_says_is_told(tmp_path):
-    recorder = Recorder(orders(tmp_path), wait=True)
+    recorder = DriveRecorder(orders(tmp_path), wait=True)
     (tmp_path / "R1.csv").mkdir()  # somebody was quicker
     recorder.add("R1", SECOND, step(0))
-    assert "R1.csv" in recorder.close()
+    assert recorder.close() == f"{tmp_path / 'R1.csv'}: cannot be written (File exists)"
 
 
 @pytest.mark.parametrize("bag", BAGS)
 def test_a_disk_that_is_full_stops_nobody_and_is_told(bag, tmp_path):
-    recorder = Recorder(orders(tmp_path, bag), wait=True)
+    recorder = DriveRecorder(orders(tmp_path, bag), wait=True)
     resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (4096, 4096))
     for k in range(100):
         recorder.add("R1", (k + 1) * SECOND, step(k, 20_000))
-    assert "Error" in recorder.close()
+    why = "disk I/O error" if bag == "ros2" else "File too large"
+    assert recorder.close() == f"{tmp_path}: cannot be written ({why})"
 
 
 def test_a_record_that_is_lost_ends_the_command_with_2_but_drives(tmp_path, monkeypatch, capsys):
-    add = Recorder.add
+    add = DriveRecorder.add
 
     def kill_then_add(self, role, stamp, step):
         if step.time > 1:
             os.kill(self.pid, signal.SIGKILL)
         add(self, role, stamp, step)
 
-    monkeypatch.setattr(Recorder, "add", kill_then_add)
+    monkeypatch.setattr(DriveRecorder, "add", kill_then_add)
     assert main(["drive", SCENARIO, "--record", str(tmp_path / "r")]) == 2
     said = capsys.readouterr()
-    assert said.out.count("would be sent  done") == 2
+    assert said.out.count("would be sent  done") == 4
     assert "--record: the process that writes ended with status -9" in said.err
 
 
 def test_records_are_not_overwritten(tmp_path):
     for bag in ("none", "ros1", "mcap"):
-        recorder = Recorder(orders(tmp_path / bag, bag), wait=True)
+        recorder = DriveRecorder(orders(tmp_path / bag, bag), wait=True)
         recorder.add("R1", SECOND, step(0))
         assert recorder.close() == ""
         name = "R1.csv"
         for again in ("none", "ros1", "ros2"):
             with pytest.raises(InputError, match=rf"{name} is there already, expected a folder without a record of R1"):
-                Recorder(orders(tmp_path / bag, again), wait=True)
+                DriveRecorder(orders(tmp_path / bag, again), wait=True)
         (tmp_path / bag / name).unlink()
     with pytest.raises(InputError, match=r"R1\.bag is there already"):
-        Recorder(orders(tmp_path / "ros1"), wait=True)
-    assert Recorder(orders(tmp_path / "ros1", roles=["R2"]), wait=True).close() == ""
+        DriveRecorder(orders(tmp_path / "ros1"), wait=True)
+    assert DriveRecorder(orders(tmp_path / "ros1", roles=["R2"]), wait=True).close() == ""
+
+
+def test_links_are_not_written_through_nor_replaced(tmp_path):
+    (tmp_path / "R1.csv").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match=r"R1\.csv is there already"):
+        DriveRecorder(orders(tmp_path), wait=True)
+    assert not (tmp_path / "elsewhere").exists()
+
+
+@pytest.mark.parametrize("what", ["/dev/null", "run.npz"])
+def test_what_is_no_folder_is_named_and_stays(what, tmp_path, capsys):
+    path = tmp_path / what  # the device itself, if it is one
+    if not path.exists():
+        np.savez(path, a=1)
+    before = path.stat()
+    assert main(["drive", SCENARIO, "--quiet", "--record", str(path)]) == 2
+    assert f"--record: {path} cannot be made a folder (File exists)" in capsys.readouterr().err
+    assert path.stat() == before
+    assert main(["drive", SCENARIO, "--quiet", "--recording", str(path)]) == 2
+    assert f"recording: {path} cannot be read as a bag of ROS 1 or ROS 2 (" in capsys.readouterr().err
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match=r"--record: .*file/x cannot be made a folder"):
-        Recorder(orders(tmp_path / "file" / "x"), wait=True)
+    with pytest.raises(OutputError, match=r"--record: .*file/x cannot be made a folder"):
+        DriveRecorder(orders(tmp_path / "file" / "x"), wait=True)
 
 
 def test_without_rosbags_the_error_says_how_to_get_it(tmp_path, monkeypatch):
@@ -190,29 +213,30 @@ def test_without_rosbags_the_error_says_how_to_get_it(tmp_path, monkeypatch):
     (tmp_path / "rosbags" / "__init__.py").write_text("raise ImportError('no rosbags')")
     path = os.environ.get("PYTHONPATH")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *([path] if path else [])]))
-    with pytest.raises(DependencyError, match=r"pip install 'mp2a\[record\]', or --bag none"):
-        Recorder(orders(tmp_path / "out"), wait=True)
-    assert Recorder(orders(tmp_path / "out", "none"), wait=True).close() == ""
+    with pytest.raises(DependencyError, match=r"without one: --bag none.*pip install 'mp2a\[record\]'"):
+        DriveRecorder(orders(tmp_path / "out"), wait=True)
+    assert DriveRecorder(orders(tmp_path / "out", "none"), wait=True).close() == ""
 
 
 class InRealTime(DryRobot):
     """An ideal robot that drives by the clock."""
 
-    last = None
+    first = None
 
     def sense(self):
         now = time.monotonic()
-        if self.last is not None:
-            self.advance(max(now - self.last, 1e-6))
-        self.last = now
+        if self.first is None:
+            self.first = now
+        self.advance(now - self.first)
         return super().sense()
 
 
 def test_where_time_is_real_records_have_the_real_time(tmp_path, monkeypatch, capsys):
-    adapter = types.ModuleType("mp2a.robots.adapters.ros1")
-    adapter.make = lambda order: Made([InRealTime(HUSKY.model, order.places[0])], channel=Alone)
-    monkeypatch.setitem(sys.modules, adapter.__name__, adapter)
-    monkeypatch.setattr(fleet, "Start", functools.partial(Start, lead=0.5))
+    module = types.ModuleType("in_real_time")
+    module.make = lambda config: AdapterResult([InRealTime(HUSKY.model, config.places[0])], channel=Alone)
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setitem(ADAPTERS, "ros1", Adapter(module.__name__, real=True))
+    monkeypatch.setattr(drive_setup, "Start", functools.partial(Start, lead=0.5))
     scenario = tmp_path / "one.txt"
     scenario.write_text("robots R1\nrow R1 0 0\nmove 1 0")
     before = time.time_ns()
@@ -253,15 +277,15 @@ def loaded_by(statement):
 def test_a_planner_loads_its_adapter_alone():
     recorded = "mp2a.robots.records.recorded"
     everything = {"rosbags", "shapely", "cyclonedds", "rospy", recorded, "mp2a.simulator.simulation"}
-    assert not loaded_by("import mp2a.robots.fleet, mp2a.robots.records.recorder") & everything
-    assert loaded_by("import mp2a.robots.adapters.simulator") & everything == {"shapely", "mp2a.simulator.simulation"}
-    assert loaded_by("import mp2a.robots.adapters.recording") & everything == {recorded}
+    assert not loaded_by("import mp2a.robots.drive_setup, mp2a.robots.records.recorder") & everything
+    assert loaded_by("import mp2a.robots.simulated") & everything == {"shapely", "mp2a.simulator.simulation"}
+    assert loaded_by("import mp2a.robots.records.recorded") & everything == {recorded}
+    assert not loaded_by("import mp2a.robots.dry, mp2a.robots.ros_robot") & everything
 
 
 def test_the_table_of_adapters_names_modules_that_are_there():
-    folder = Path(sys.modules["mp2a.robots.adapters"].__file__).parent
-    assert {f"{folder / name}.py" for name in ADAPTERS} == {str(path) for path in folder.glob("[!_]*.py")}
-    assert {adapter.module.rpartition(".")[2] for adapter in ADAPTERS.values()} == set(ADAPTERS)
+    for adapter in ADAPTERS.values():
+        assert callable(importlib.import_module(adapter.module).make)
     assert REAL == ("ros1", "ros2")
 
 

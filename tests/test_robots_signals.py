@@ -1,5 +1,6 @@
 """Stop signals: what a robot's points amount to is published, and what other programs signal is obeyed."""
 
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,12 +12,14 @@ from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY
 from mp2a.robots import robots_file, sound
+from mp2a.robots.clock import VirtualClock
 from mp2a.robots.cloud import content, points
 from mp2a.robots.driver import Driver, run
-from mp2a.robots.dry import DryRobot, VirtualPace
-from mp2a.robots.outlets import Wire, outlets
-from mp2a.robots.planner import ChoreographyPlanner
-from mp2a.robots.table import INTERFACES
+from mp2a.robots.dry import DryRobot
+from mp2a.robots.planner import PATIENCE, ChoreographyPlanner
+from mp2a.robots.robot_config import ROBOT_CONFIGS
+from mp2a.robots.ros_backend import TopicWriter
+from mp2a.robots.ros_robot import RosRobot
 
 AHEAD = parse("robots R1\nrow R1 0 0\nmove 6 0")
 POINTS = arrays(float, st.tuples(st.integers(0, 20), st.just(2)), elements=st.floats(-3, 3, width=32))
@@ -27,15 +30,32 @@ def field(name, offset, datatype, count):
     return SimpleNamespace(name=name, offset=offset, datatype=datatype, count=count)
 
 
-def recorder():
-    """A wire that remembers, and what it remembers by topic."""
-    heard = {}
+class Node:
+    """A node of no ROS, which remembers what is published by topic."""
 
-    def writer(topic, kind):
-        heard[topic] = []
-        return lambda *content: heard[topic].append((kind, content))
+    clock = staticmethod(time.time)
 
-    return Wire(writer, lambda frame: frame, "Bool", "SoundRequest", "PointCloud2", field), heard
+    def __init__(self):
+        self.heard = {}
+
+    def message(self, kind):
+        return field if kind.endswith("PointField") else kind
+
+    def header(self, frame):
+        return frame
+
+    def writer(self, topic, kind, *, depth=10, kept=False):
+        self.heard[topic] = []
+        return TopicWriter(lambda *content: self.heard[topic].append((kind.rpartition("/")[2], content)), lambda: 1)
+
+    def reader(self, topic, kind, *, depth=1, kept=False, reliable=False, own=True):
+        return list
+
+
+def told(config=ROBOT_CONFIGS["husky"]):
+    """A robot, and what it publishes by topic."""
+    node = Node()
+    return RosRobot(node, config, None), node.heard
 
 
 def read(message):
@@ -44,42 +64,39 @@ def read(message):
 
 @given(POINTS)
 def test_a_cloud_that_is_written_reads_back(flat):
-    back = read(content(flat, None, field))
-    assert back[:, :2].tolist() == flat.tolist()
-    assert not back[:, 2].any()
+    spatial = np.column_stack((flat, np.ones(len(flat))))
+    assert read(content(spatial, None, field)).tolist() == spatial.tolist()
 
 
 @given(POINTS)
 def test_what_is_published_is_what_the_choreography_obeys(cloud):
     dance = Choreography(AHEAD, HUSKY)
-    dance.step(0.0, dance.places(), [[0, 0]], [cloud])
-    wire, heard = recorder()
-    outlets(INTERFACES["husky"], wire, None).show(cloud)
-    assert heard["/stop_front"] == [("Bool", (bool(dance.state.seen.front[0]),))]
-    assert heard["/stop_rear"] == [("Bool", (bool(dance.state.seen.rear[0]),))]
+    dance.step(0.0, dance.slot_poses(), [[0, 0]], [cloud])
+    robot, heard = told()
+    robot.show(cloud)
+    assert heard["/stop_front"] == [("Bool", (bool(dance.state.signals.front[0]),))]
+    assert heard["/stop_rear"] == [("Bool", (bool(dance.state.signals.rear[0]),))]
     ((kind, message),) = heard["/obstacles"]
     near = read(message)[:, :2]
     assert (kind, message[0]) == ("PointCloud2", "base_link")
     # Nothing that counts is missing, nothing is there that does not: the robot is pushed alike.
     again = Choreography(AHEAD, HUSKY)
-    again.step(0.0, again.places(), [[0, 0]], [near])
-    assert again.state.seen.force.tolist() == dance.state.seen.force.tolist()
+    again.step(0.0, again.slot_poses(), [[0, 0]], [near])
+    assert again.state.force.tolist() == dance.state.force.tolist()
     assert len(near) == sum(abs(x) < 2 and abs(y) < 2 for x, y in cloud)
 
 
 def test_stop_signals_are_taken_back_at_the_end():
-    wire, heard = recorder()
-    told = outlets(INTERFACES["husky"], wire, None)
-    told.show(np.array([[0.8, 0.0], [-0.8, 0.0]]))
+    robot, heard = told()
+    robot.show(np.array([[0.8, 0.0], [-0.8, 0.0]]))
     assert [heard[f"/stop_{end}"][-1][1] for end in ("front", "rear")] == [(True,), (True,)]
-    told.close()
+    robot.close()
     assert [heard[f"/stop_{end}"][-1][1] for end in ("front", "rear")] == [(False,), (False,)]
 
 
 def names(more=""):
-    found = robots_file.parse(f'[robots.R1]\nmodel="husky"\n{more}', ["R1"]).interfaces["R1"]
-    wire, heard = recorder()
-    outlets(found, wire, None)
+    found = robots_file.parse_robots(f'[robots.R1]\nmodel="husky"\n{more}', ["R1"]).configs["R1"]
+    _, heard = told(found)
     return set(heard)
 
 
@@ -114,16 +131,16 @@ class Told(DryRobot):
 def drive(front=lambda _: False, rear=lambda _: False, scenario=AHEAD):
     robot = Told(front, rear)
     planner = ChoreographyPlanner(Choreography(scenario, HUSKY), "R1", False)
-    driver = Driver("R1", robot, INTERFACES["husky"], planner, False)
+    driver = Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, False)
     steps = []
-    good = run([driver], VirtualPace(0.05, [robot]), 30, lambda _, step: steps.append(step))
-    return good, robot, steps
+    run([driver], VirtualClock(0.05, [robot]), 60, lambda _, step: steps.append(step))
+    return driver.outcome(), robot, steps
 
 
 def test_a_robot_without_lidar_stops_at_once_when_told_and_goes_on_when_it_may():
-    good, robot, steps = drive(front=lambda tick: 60 <= tick < 140)
+    outcome, robot, steps = drive(front=lambda tick: 60 <= tick < 140)
     ahead = [speed for speed, _ in robot.sent]
-    assert good
+    assert outcome.good
     assert ahead[58] > 0.5
     assert ahead[59] == 0
     assert max(ahead[59:139]) <= 0
@@ -138,12 +155,23 @@ def test_a_stop_behind_does_not_keep_a_robot_from_driving_forward():
     assert min(speed for speed, _ in held) >= 0
 
 
-def test_a_robot_that_is_held_lets_the_scenario_end():
-    good, robot, steps = drive(front=lambda tick: tick > 60)
-    assert good
-    assert steps[-1].done
-    assert steps[-1].time < 25
+def test_a_robot_that_is_held_at_its_end_waits_before_it_gives_up():
+    """It has not arrived, and says how far off it is and why."""
+    outcome, robot, steps = drive(front=lambda tick: tick > 60)
+    assert str(outcome).startswith("R1 did not arrive, ")
+    assert outcome.distance > 3
+    assert outcome.reason == "blocked by another program's stop signal"
+    assert steps[-2].done
+    over = next(step.time for step in steps if step.time > 1 and (step.leader == steps[-1].leader).all())
+    assert steps[-1].time - over < PATIENCE + 2
     assert max(speed for speed, _ in robot.sent[60:]) <= 0
+
+
+def test_a_robot_that_is_held_at_its_end_for_a_while_arrives():
+    outcome, _, steps = drive(front=lambda tick: 60 < tick < 240)
+    over = next(step.time for step in steps if step.time > 1 and (step.leader == steps[-1].leader).all())
+    assert over < 12 - 1, "its leader was through before it was let go"
+    assert outcome.good
 
 
 def test_a_robot_that_is_held_may_turn():

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -14,10 +15,10 @@ import pytest
 from mp2a import launch
 from mp2a.exceptions import DependencyError
 from mp2a.robots import watchdog
-from mp2a.robots.sender import Sender, SenderGone
-from mp2a.robots.table import INTERFACES
+from mp2a.robots.robot_config import ROBOT_CONFIGS
+from mp2a.robots.sender import Sender, WatchdogGoneError
 
-HUSKY = INTERFACES["husky"]
+HUSKY = ROBOT_CONFIGS["husky"]
 LONG = 20.0
 
 # A planner: starts a watchdog, says both process ids, and drives; what then, by the second argument.
@@ -25,14 +26,14 @@ PLANNER = """
 import os, sys, time
 import signal
 from mp2a.robots.sender import Sender
-from mp2a.robots.table import INTERFACES
+from mp2a.robots.robot_config import ROBOT_CONFIGS
 
 file, what = sys.argv[1:3]
-if what == "mpi":
+if what.startswith("mpi"):
     from mpi4py import MPI
     file += str(MPI.COMM_WORLD.rank)
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs come with it ignored
-sender = Sender(INTERFACES["husky"], "file", file=file)
+sender = Sender(ROBOT_CONFIGS["husky"], "file", file=file)
 print(os.getpid(), sender.pid, flush=True)
 begin = time.monotonic()
 while time.monotonic() < begin + 0.5:
@@ -41,10 +42,11 @@ while time.monotonic() < begin + 0.5:
 if what == "mpi":
     if MPI.COMM_WORLD.rank == 1:
         MPI.COMM_WORLD.Abort(7)
-    while True:
-        sender.send(0.7, 0.1)
-        time.sleep(0.05)
-if what == "drive":
+    what = "drive"
+if what == "mpi-ending":
+    from mp2a.robots.launcher import end_with_launcher
+    end_with_launcher()
+if what in ("drive", "mpi-orphaned", "mpi-ending"):
     while True:
         sender.send(0.7, 0.1)
         time.sleep(0.05)
@@ -136,7 +138,7 @@ def test_a_stopped_planner_that_wakes_up_cannot_drive_again(planner):
     stopped = time.monotonic()
     wait_for(lambda: is_over(guard))
     process.send_signal(signal.SIGCONT)
-    assert process.wait(LONG) == 1  # SenderGone
+    assert process.wait(LONG) == 1  # WatchdogGoneError
     check_stopped(path, stopped, HUSKY.patience)
 
 
@@ -183,6 +185,68 @@ def test_when_mpi_ends_every_robot_is_stopped(tmp_path):
         check_stopped(tmp_path / f"sent{rank}", ended, HUSKY.patience)
 
 
+@pytest.mark.parametrize("what", ["mpi-orphaned", "mpi-ending"])
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_when_mpirun_itself_is_killed_every_robot_is_stopped(what, wrapped, tmp_path):
+    """Its ranks go on driving (orphaned), or end with it; a shell between it and the planner changes nothing."""
+    program = [sys.executable, "-c", PLANNER, str(tmp_path / "sent"), what]
+    if wrapped:
+        program = ["sh", "-c", f"{shlex.join(program)}; true"]
+    started = launch.mpirun_command(2, program)
+    # Not reaped until the end: what is left of a process that nobody waits for must not pass for mpirun.
+    mpirun = subprocess.Popen(started.command, env=started.environment, stdout=subprocess.PIPE, text=True)
+    lines = [mpirun.stdout.readline().split() for _ in range(2)]
+    planners, guards = ([int(line[k]) for line in lines] for k in (0, 1))
+    try:
+        files = [tmp_path / f"sent{rank}" for rank in range(2)]
+        wait_for(lambda: all(file.exists() and len(commands(file)) > 8 for file in files))
+        os.kill(mpirun.pid, signal.SIGKILL)
+        killed = time.monotonic()
+        wait_for(lambda: all(map(is_over, guards)))
+        for file in files:
+            check_stopped(file, killed, 0.0)
+            stopped = next(when for when, *command in commands(file) if command == [0, 0])
+            assert stopped - killed < 0.25
+        wait_for(lambda: all(map(is_over, planners)))  # of themselves, or since nobody takes their commands
+    finally:
+        for pid in (*planners, *guards):
+            if not is_over(pid):
+                os.kill(pid, signal.SIGKILL)
+        mpirun.wait(LONG)
+        mpirun.stdout.close()
+
+
+def test_ranks_of_a_killed_mpirun_end_with_it(tmp_path):
+    """Robots that exchange no messages while they drive, as real ones do not, notice by nothing else."""
+    scenario = tmp_path / "long.txt"
+    scenario.write_text("robots R1 R2\nrow R1,R2 0 1.2" + 20 * "\nmove 10000 0")
+    program = [
+        sys.executable, "-m", "mp2a", "drive", str(scenario), "--quiet", "--longest", "1e6",
+        "--record", str(tmp_path / "record"), "--bag", "none",
+    ]  # fmt: skip
+    started = launch.mpirun_command(2, program)
+    mpirun = subprocess.Popen(
+        started.command, env=started.environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    wait_for(lambda: len(list((tmp_path / "record").glob("R*.csv"))) == 2)
+    ranks = children(mpirun.pid)
+    assert len(ranks) == 2
+    os.kill(mpirun.pid, signal.SIGKILL)
+    try:
+        wait_for(lambda: all(map(is_over, ranks)))
+    finally:
+        for pid in ranks:
+            if not is_over(pid):
+                os.kill(pid, signal.SIGKILL)
+        mpirun.wait(LONG)
+
+
+def children(pid):
+    """Processes that a process has started, by any of its threads."""
+    tasks = Path(f"/proc/{pid}/task").iterdir()
+    return [int(text) for task in tasks for text in (task / "children").read_text().split()]
+
+
 # ---- while all is well -----------------------------------------------------------------------------------------
 
 
@@ -199,7 +263,7 @@ def test_commands_are_repeated_at_the_rate_cut_to_the_limits_and_end_with_zeros(
     # Ten commands a second came in; twice as many went out, evenly.
     driven = [row[0] for row in sent if row[1]]
     assert len(driven) > 1.5 * 16
-    with pytest.raises(SenderGone, match="takes no more commands"):
+    with pytest.raises(WatchdogGoneError, match="takes no more commands"):
         for _ in range(3):
             sender.send(0.1, 0.0)
 

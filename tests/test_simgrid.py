@@ -11,26 +11,25 @@ import pytest
 from numpy.testing import assert_allclose
 
 from mp2a.bench import costs, simulated
-from mp2a.bench.costs import Costs
+from mp2a.bench.costs import ComputeCosts
 from mp2a.bench.simgrid import (
     NETWORKS,
     SPEED,
-    Compute,
-    Exchange,
+    ComputePhase,
     Flow,
-    Network,
-    follow,
-    gather_and_scatter,
+    MessagePhase,
+    SimulatedNetwork,
+    gather_scatter_program,
     platform,
     replay,
+    schedule_program,
     simulate,
 )
 from mp2a.exceptions import DependencyError, InputError
-from mp2a.plot.simulated import simulated as draw
-from mp2a.plot.simulated import simulated_figure
+from mp2a.plot import save_figure, simulated_figure
 from mp2a.schedule import rounds_needed
 
-METHODS = ("relay", "kogge-stone", "compact", "sweep")
+METHODS = ("pipeline", "kogge-stone", "compact", "sweep")
 RECURRENCES = ("velocity", "acceleration", "motion", "force", "sweep")
 ENVELOPE = 16  # bytes SMPI adds to every message, as an MPI would
 needs_simgrid = pytest.mark.skipif(shutil.which("smpirun") is None, reason="smpirun of SimGrid is not installed")
@@ -38,17 +37,17 @@ needs_simgrid = pytest.mark.skipif(shutil.which("smpirun") is None, reason="smpi
 
 def doubles(name):
     """Numbers a sample by kind of message."""
-    return simulated.METHODS[name].doubles if name in simulated.METHODS else simulated.RELAY_DOUBLES
+    return simulated.METHODS[name].doubles if name in simulated.METHODS else simulated.PIPELINE_DOUBLES
 
 
 def alike(seconds):
-    """Costs that are the same everywhere."""
-    return Costs(dict.fromkeys(RECURRENCES, seconds), dict.fromkeys(RECURRENCES, seconds), seconds)
+    """ComputeCosts that are the same everywhere."""
+    return ComputeCosts(dict.fromkeys(RECURRENCES, seconds), dict.fromkeys(RECURRENCES, seconds), seconds)
 
 
 def every_cost(seconds):
-    """What `simulated.sweep` takes instead of measuring."""
-    return {**{name: alike(seconds)._asdict() for name in METHODS}, "centre": seconds}
+    """What `simulated.run_simulations` takes instead of measuring."""
+    return {**{name: alike(seconds)._asdict() for name in METHODS}, "gather-scatter": seconds}
 
 
 def actions(n, program):
@@ -62,7 +61,7 @@ def actions(n, program):
 
 def follower(name, n, samples=1, seconds=0.0):
     """Program of a schedule."""
-    return list(follow(simulated.SCHEDULES[name](n), doubles(name), samples, alike(seconds)))
+    return list(schedule_program(simulated.SCHEDULES[name](n), doubles(name), samples, alike(seconds)))
 
 
 def array(*ranks):
@@ -119,7 +118,7 @@ def test_a_rank_goes_on_when_all_has_come_and_waits_for_what_it_sent_a_round_lat
 
 
 def test_computing_is_told_in_flops_and_none_is_left_out():
-    [acts] = actions(1, [Compute(array(0), 2e-6), Compute(array(0), 0.0), Compute(array(0), 1.5)])
+    [acts] = actions(1, [ComputePhase(array(0), 2e-6), ComputePhase(array(0), 0.0), ComputePhase(array(0), 1.5)])
     assert acts == [["init"], ["compute", "2000"], ["compute", "1.5e+09"], ["finalize"]]
     assert SPEED == 1e9
 
@@ -127,9 +126,9 @@ def test_computing_is_told_in_flops_and_none_is_left_out():
 @pytest.mark.parametrize("name", METHODS)
 def test_a_recurrence_has_a_start_and_a_cost_between_its_rounds(name):
     n = 16
-    times = Costs(dict.fromkeys(RECURRENCES, 1.0), dict.fromkeys(RECURRENCES, 1e-3), 1e-6)
+    times = ComputeCosts(dict.fromkeys(RECURRENCES, 1.0), dict.fromkeys(RECURRENCES, 1e-3), 1e-6)
     schedule = simulated.SCHEDULES[name](n)
-    for rank, acts in enumerate(actions(n, follow(schedule, doubles(name), 1, times))):
+    for rank, acts in enumerate(actions(n, schedule_program(schedule, doubles(name), 1, times))):
         flops = Counter(float(flops) for _, flops in found(acts, "compute"))
         recurrences = {r.recurrence for r in schedule.rounds}
         assert flops[1e9] == len(recurrences)
@@ -138,9 +137,9 @@ def test_a_recurrence_has_a_start_and_a_cost_between_its_rounds(name):
         assert arrivals - len(recurrences) <= flops[1e6] <= arrivals
 
 
-def test_the_centre_gathers_computes_and_scatters():
+def test_rank_0_gathers_computes_and_scatters():
     n = 6
-    ranks = actions(n, gather_and_scatter(n, (3, 1), 10, 2e-6))
+    ranks = actions(n, gather_scatter_program(n, (3, 1), 10, 2e-6))
     assert [a[0] for a in ranks[0] if a[0] != "wait"] == [
         *(["init"] + ["irecv"] * (n - 1) + ["compute"]),
         *(["isend"] * (n - 1) + ["finalize"]),
@@ -169,7 +168,7 @@ def test_a_platform_is_xml_with_the_networks_figures(name):
 
 def test_an_unknown_way_of_sharing_is_refused():
     with pytest.raises(InputError, match="sharing: got 'token ring', expected 'duplex'"):
-        platform(Network("", 1.0, 1.0, "token ring"), 2)
+        platform(SimulatedNetwork("", 1.0, 1.0, "token ring"), 2)
 
 
 # ---- what is missing ------------------------------------------------------------------------------------------------
@@ -180,7 +179,7 @@ def test_without_smpirun_the_error_says_how_to_get_it(monkeypatch, tmp_path):
     with pytest.raises(DependencyError, match="apt-get install libsimgrid-dev"):
         simulate(NETWORKS["ethernet"], 2, [])
     with pytest.raises(DependencyError, match="apt-get install libsimgrid-dev"):
-        simulated.sweep(tmp_path / "out.json", [2], [1])
+        simulated.run_simulations(tmp_path / "out.json", [2], [1])
     assert not list(tmp_path.iterdir())
 
 
@@ -196,8 +195,8 @@ def test_more_ranks_than_memory_holds_are_refused(monkeypatch):
 
 def test_costs_are_measured_for_what_the_schedules_name(monkeypatch):
     monkeypatch.setattr(costs, "_BUDGET", 0.0)
-    for name, seconds in simulated.measure(3).items():
-        if name == "centre":
+    for name, seconds in simulated.measure_costs(3).items():
+        if name == "gather-scatter":
             assert 0 < seconds < 1
             continue
         recurrences = {r.recurrence for r in simulated.SCHEDULES[name](8).rounds}
@@ -215,41 +214,41 @@ def test_ping_pong_takes_the_latency_and_bandwidth_asked_for(name, size):
     network = NETWORKS[name]
     there, back = Flow(array(0), array(1), size), Flow(array(1), array(0), size)
     expected = 2 * (network.latency + 8 * (size + ENVELOPE) / network.speed)
-    time = simulate(network, 2, [Exchange((there,)), Exchange((back,))])
+    time = simulate(network, 2, [MessagePhase((there,)), MessagePhase((back,))])
     assert_allclose(time, expected, rtol=1e-3, atol=4e-9)  # SimGrid counts whole nanoseconds
 
 
 @needs_simgrid
 @pytest.mark.parametrize("n", [2, 8, 13, 32])
 def test_time_is_rounds_times_latency_where_nothing_else_takes_time(n):
-    network = Network("", 1e-3, 1e12, "duplex")
+    network = SimulatedNetwork("", 1e-3, 1e12, "duplex")
     doublings = {"kogge-stone": 3, "compact": 2, "sweep": 1}
     for name, recurrences in doublings.items():
         time = simulate(network, n, follower(name, n))
         assert_allclose(time, recurrences * rounds_needed(n) * network.latency, rtol=1e-3)
-    assert_allclose(simulate(network, n, follower("relay", n)), 2 * (n - 1) * network.latency, rtol=1e-3)
-    assert_allclose(simulate(network, n, gather_and_scatter(n, (3, 1), 1, 0.0)), 2 * network.latency, rtol=1e-3)
+    assert_allclose(simulate(network, n, follower("pipeline", n)), 2 * (n - 1) * network.latency, rtol=1e-3)
+    assert_allclose(simulate(network, n, gather_scatter_program(n, (3, 1), 1, 0.0)), 2 * network.latency, rtol=1e-3)
 
 
 @needs_simgrid
 def test_computing_adds_up_along_the_longest_path():
     n, c = 16, 0.25
-    network = Network("", 1e-6, 1e12, "duplex")
+    network = SimulatedNetwork("", 1e-6, 1e12, "duplex")
     rounds = rounds_needed(n)
     for name, recurrences in {"kogge-stone": 3, "compact": 2, "sweep": 1}.items():
         time = simulate(network, n, follower(name, n, seconds=c))
         assert_allclose(time, (recurrences * rounds + 1) * c, rtol=1e-3)
-    assert_allclose(simulate(network, n, gather_and_scatter(n, (3, 1), 1, c)), n * c, rtol=1e-3)
+    assert_allclose(simulate(network, n, gather_scatter_program(n, (3, 1), 1, c)), n * c, rtol=1e-3)
 
 
 @needs_simgrid
 def test_who_shares_a_medium_waits_for_the_others():
     size, speed = 10**6, 8e6
-    crossing = [Exchange((Flow(array(0, 1, 2, 3), array(1, 0, 3, 2), size),))]
-    into_one = [Exchange((Flow(array(1, 2, 3), array(0, 0, 0), size),))]
+    crossing = [MessagePhase((Flow(array(0, 1, 2, 3), array(1, 0, 3, 2), size),))]
+    into_one = [MessagePhase((Flow(array(1, 2, 3), array(0, 0, 0), size),))]
     expected = {"duplex": (1, 3), "half duplex": (2, 3), "channel": (4, 3)}
     for sharing, seconds in expected.items():
-        network = Network("", 1e-6, speed, sharing)
+        network = SimulatedNetwork("", 1e-6, speed, sharing)
         assert_allclose([simulate(network, 4, p) for p in (crossing, into_one)], seconds, rtol=1e-3)
 
 
@@ -264,20 +263,20 @@ def test_a_sweep_is_kept_and_goes_on_where_it_stopped(monkeypatch, tmp_path):
     out = tmp_path / "simulated.json"
     said = []
     given = {"1": every_cost(1e-6)}
-    first = simulated.sweep(out, [2, 4], [1], ["ethernet"], seconds=given, say=said.append)
+    first = simulated.run_simulations(out, [2, 4], [1], ["ethernet"], seconds=given, say=said.append)
     assert len(said) == len(first["points"]) == 2 * len(simulated.CONTENDERS)
     assert first["simulated"].startswith("SimGrid")
     assert simulated.load(out) == first
-    both = simulated.sweep(out, [4], [1], ["ethernet", "radio"], seconds=given, say=said.append)
+    both = simulated.run_simulations(out, [4], [1], ["ethernet", "radio"], seconds=given, say=said.append)
     assert len(both["points"]) == 3 * len(simulated.CONTENDERS) == len(said)
     with pytest.raises(InputError, match="expected the same or another file"):
-        simulated.sweep(out, [4], [1], ["ethernet"], seconds={"1": every_cost(2e-6)})
+        simulated.run_simulations(out, [4], [1], ["ethernet"], seconds={"1": every_cost(2e-6)})
 
     def too_long(*arguments):
         raise TimeoutError("longer than 1 s")
 
     monkeypatch.setattr(simulated, "simulate", too_long)
-    held = simulated.sweep(out, [4, 8, 16], [1], ["ethernet"], seconds=given)
+    held = simulated.run_simulations(out, [4, 8, 16], [1], ["ethernet"], seconds=given)
     assert {(gap["contender"], gap["n"]) for gap in held["left_out"]} == {(name, 8) for name in simulated.CONTENDERS}
 
 
@@ -294,7 +293,7 @@ def results():
         for n in (8, 512, 65536)
     ]
     networks = {name: NETWORKS[name]._asdict() for name in ("radio", "ethernet")}
-    return {"format": 1, "simulated": "SimGrid 3.32", "networks": networks, "points": points, "left_out": []}
+    return {"format": 2, "simulated": "SimGrid 3.32", "networks": networks, "points": points, "left_out": []}
 
 
 def test_the_figure_holds_every_time_and_says_simulated(tmp_path):
@@ -313,7 +312,7 @@ def test_the_figure_holds_every_time_and_says_simulated(tmp_path):
             assert_allclose(line.get_xydata(), expected)
     assert "imulated (SimGrid" in figure.get_suptitle()
     assert all("simulated" in axes.get_ylabel() for axes in grid[:, 0])
-    assert draw(results(), tmp_path / "new" / "a.png").stat().st_size > 10_000
+    assert save_figure(figure, tmp_path / "new" / "a.png").stat().st_size > 10_000
 
 
 def test_a_gap_is_mentioned_in_the_figure():
@@ -321,15 +320,15 @@ def test_a_gap_is_mentioned_in_the_figure():
         return [text.get_text() for legend in simulated_figure(held).legends for text in legend.get_texts()]
 
     shorter = copy.deepcopy(results())
-    shorter["points"] = [p for p in shorter["points"] if p["contender"] != "relay" or p["n"] < 65536]
+    shorter["points"] = [p for p in shorter["points"] if p["contender"] != "pipeline" or p["n"] < 65536]
     assert not any("take too long" in text for text in remarks(results()))
     assert any("take too long" in text for text in remarks(shorter))
 
 
 def test_files_that_hold_something_else_are_refused(tmp_path):
-    for content in ("", "[]", json.dumps({"format": 1, "runs": []})):
+    for content in ("", "[]", json.dumps({"format": 2, "runs": []})):
         (tmp_path / "a.json").write_text(content)
-        with pytest.raises(InputError, match="file: "):
+        with pytest.raises(InputError, match="simulated times: "):
             simulated.load(tmp_path / "a.json")
     with pytest.raises(InputError, match="no simulated times"):
         simulated_figure({"points": []})

@@ -1,5 +1,6 @@
 """Simulated robots: the laws their motion, their contacts and their sensors keep."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -9,12 +10,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from mp2a.exceptions import InputError
+from mp2a.exceptions import DependencyError, InputError
 from mp2a.formation.robot_models import HUSKY, TRADR
-from mp2a.simulator import NO_SLIP, PHYSICS_ENGINE_SLIP, Lidar, Recorder, Simulation, TurnSlip, World, box, disc, run
+from mp2a.simulator import (
+    NO_SLIP,
+    PHYSICS_ENGINE_SLIP,
+    Lidar,
+    RunRecorder,
+    Simulation,
+    TurnSlip,
+    World,
+    box,
+    disc,
+    simulate,
+)
 from mp2a.simulator.contacts import Contacts
-from mp2a.simulator.drive import arc, respond
 from mp2a.simulator.lidar import points, ranges
+from mp2a.simulator.vehicle import move, respond
 from mp2a.simulator.world import rectangles
 
 WALLS = np.array([[-4.0, -3], [5, -3], [5, 3], [-4, 3], [-4, -3]])
@@ -48,8 +60,8 @@ def test_constant_twist_drives_a_circle(speed, rate, heading):
     start = np.array([[1.0, -2.0, heading]])
     pose, twist = start, np.array([[speed, rate]])
     for _ in range(7):
-        pose = arc(pose, twist, 0.37)
-    once = arc(start, twist, 7 * 0.37)
+        pose = move(pose, twist, 0.37)
+    once = move(start, twist, 7 * 0.37)
     assert_allclose(pose, once, atol=1e-12)
     if abs(rate) > 1e-3:
         radius = speed / rate
@@ -166,7 +178,7 @@ def test_wall_stops_a_robot_at_its_outline(heading, speed):
     assert (collision.robot, collision.other) == (0, None)
     assert collision.place[0] == pytest.approx(4, abs=1e-4)
     assert abs(simulation.twists[0, 0]) < 0.1
-    assert str(collision).startswith("robot 1 met a wall")
+    assert collision.text(["R1"]).startswith("R1 drives into a wall")
     drive(simulation, (-speed, 0), 1)
     assert simulation.twists[0, 0] == pytest.approx(-speed)
 
@@ -328,8 +340,8 @@ def test_noise_is_as_large_as_said_and_does_not_depend_on_who_asks():
 def test_same_calls_give_the_same_numbers():
     def once():
         simulation = Simulation(ROOM, HUSKY, [[-3, 0, 0], [0, 0, 1]], lidar=Lidar(noise=0.02), seed=5)
-        recorder = Recorder(simulation)
-        run(simulation, lambda sensed: [[0.5, sensed.points[0][0, 1]], [0.3, np.sin(sensed.time)]], 8, recorder)
+        recorder = RunRecorder(simulation)
+        simulate(simulation, lambda sensed: [[0.5, sensed.points[0][0, 1]], [0.3, np.sin(sensed.time)]], 8, recorder)
         return recorder.recording()
 
     first, second = once(), once()
@@ -338,11 +350,19 @@ def test_same_calls_give_the_same_numbers():
     assert first.events == second.events
 
 
+def test_without_shapely_the_error_says_how_to_get_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "shapely", None)
+    with pytest.raises(DependencyError, match=r"the simulator needs shapely.* pip install 'mp2a\[formation\]'"):
+        Simulation(EMPTY, HUSKY, [[0, 0, 0]])
+    with pytest.raises(DependencyError, match="the simulator needs shapely"):
+        World(obstacles=[box((0, 0), (1, 1))])
+
+
 def test_run_ends_when_time_is_up_or_the_controller_says_so():
     simulation = Simulation(EMPTY, HUSKY, [[0, 0, 0]])
-    run(simulation, lambda sensed: [[0.1, 0]], 1.0)
+    simulate(simulation, lambda sensed: [[0.1, 0]], 1.0)
     assert simulation.time == pytest.approx(1.0)
-    run(simulation, lambda sensed: None if sensed.time > 2 else [[0.1, 0]], 100.0)
+    simulate(simulation, lambda sensed: None if sensed.time > 2 else [[0.1, 0]], 100.0)
     assert simulation.time == pytest.approx(2.1, abs=0.1)
 
 
@@ -366,12 +386,31 @@ def free(**more):
         (lambda: free(lidar=Lidar(delay=-0.1)), "lidar.delay: got -0.1"),
         (lambda: free(lidar=Lidar(period=0)), "lidar.period: got 0"),
         (lambda: free(seed=-1), "seed: got -1"),
-        (lambda: free().step([[0, 0]], 0), "dt: got 0"),
+        (lambda: free().step([[0, 0]], 0), "dt: got 0, expected a number from 1e-06 to 60 s"),
+        (lambda: free().step([[0, 0]], 1e-300), "dt: got 1e-300, expected a number from 1e-06 to 60 s"),
+        (lambda: free().step([[0, 0]], 1e300), r"dt: got 1e\+300, expected a number from 1e-06 to 60 s"),
+        (lambda: free(lidar=Lidar(period=1e-300)), "lidar.period: got 1e-300, expected a number from 0.001 to 1000 s"),
+        (lambda: free(lidar=Lidar(delay=1e300)), r"lidar.delay: got 1e\+300, expected a number from 0 to 60 s"),
+        (lambda: free(lidar=Lidar(rays=10**12)), "lidar.rays: got 1000000000000, expected a number from 1 to 100000"),
+        (
+            lambda: Simulation(EMPTY, replace(HUSKY, max_speed=1e300), [[0, 0, 0]]),
+            r"max_speed of HUSKY: got 1e\+300, expected a number from 1e-06 to 100 m/s",
+        ),
+        (
+            lambda: Simulation(EMPTY, replace(HUSKY, width=1e-300), [[0, 0, 0]]),
+            "width of HUSKY: got 1e-300, expected a number from 0.01 to 100 m",
+        ),
+        (lambda: Simulation(EMPTY, HUSKY, [[1e300, 0, 0]]), r"poses: got 1e\+300 m, expected coordinates of at most"),
+        (
+            lambda: simulate(free(), lambda sensed: None, 1e300),
+            r"until: got 1e\+300 s in ticks of 0.1 s, expected at most",
+        ),
+        (lambda: simulate(free(), lambda sensed: None, 1, tick=1e-300), "until: got 1 s in ticks of 1e-300 s"),
         (lambda: free().step([0, 0]), r"commands: got shape \(2,\), expected \(1, 2\)"),
         (lambda: free().step([[np.inf, 0]]), "commands: got .* for robot 1"),
         (lambda: free().step([[np.nan, 0]]), "commands: got .* for robot 1"),
         (lambda: free().silence(1), "robot: got 1, expected less than 1"),
-        (lambda: run(free(), lambda sensed: None, -1), "until: got -1"),
+        (lambda: simulate(free(), lambda sensed: None, -1), "until: got -1"),
     ],
 )
 def test_wrong_input_is_named(call, message):

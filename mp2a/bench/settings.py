@@ -14,7 +14,7 @@ ERROR = "mp2a: error: "
 """How a line begins that says what went wrong."""
 
 
-class Settings(NamedTuple):
+class BenchSettings(NamedTuple):
     """Options of ``mp2a bench``, by their names."""
 
     samples: int = 2000
@@ -38,4 +38,4 @@ class Settings(NamedTuple):
     def identity(self) -> dict[str, Any]:
         """Tell what makes two runs of the same n the same run, as it is in the results file."""
         network = None if self.network is None else list(self.network)
-        return {"samples": self.samples, "seed": self.seed, "asked": list(self.methods), "emulated": network}
+        return {"samples": self.samples, "seed": self.seed, "requested": list(self.methods), "emulated": network}

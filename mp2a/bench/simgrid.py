@@ -1,8 +1,9 @@
 """Formations larger than any machine at hand: a schedule and compute costs, replayed by SimGrid; all times simulated.
 
 A *program* is what all ranks do, as plain data: phases in order, each rank going through those it is in. A phase is
-computing (`Compute`) or messages in flight together (`Exchange`), after which a rank waits for its own, as a robot does
-between two rounds. Programs come from a schedule (`follow`) or are the centre's (`gather_and_scatter`).
+computing (`ComputePhase`) or messages in flight together (`MessagePhase`), after which a rank waits for its own, as a
+robot does between two rounds. Programs come from a schedule (`schedule_program`) or are that of gather and scatter
+(`gather_scatter_program`).
 
 A program becomes the text of a replay, a line an action, which SimGrid's SMPI carries out on a platform of one host a
 robot. Its correction factors are off (`NEUTRAL`), so that a network is its latency, its bandwidth and who shares them.
@@ -21,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.bench.costs import Costs
+from mp2a.bench.costs import ComputeCosts
 from mp2a.cores import available_memory
 from mp2a.exceptions import DependencyError, InputError
 from mp2a.schedule import Round, Schedule
@@ -59,7 +60,7 @@ _TIME = re.compile(r"Simulated time: (\S+) seconds")
 _BYTE = "2"  # of the datatypes a replay knows, the one of 1 byte
 
 
-class Compute(NamedTuple):
+class ComputePhase(NamedTuple):
     """Some ranks compute for equally long, at the same time."""
 
     ranks: Ranks
@@ -75,16 +76,16 @@ class Flow(NamedTuple):
     """Bytes of each."""
 
 
-class Exchange(NamedTuple):
+class MessagePhase(NamedTuple):
     """Messages in flight together: each rank starts all of its own and waits for all of them."""
 
     flows: tuple[Flow, ...]
 
 
-Phase = Compute | Exchange
+Phase = ComputePhase | MessagePhase
 
 
-class Network(NamedTuple):
+class SimulatedNetwork(NamedTuple):
     """What lies between the robots."""
 
     label: str
@@ -98,10 +99,10 @@ class Network(NamedTuple):
 
 
 NETWORKS = {
-    "infiniband": Network("InfiniBand-like cluster", 1.5e-6, 100e9, "duplex"),
-    "ethernet": Network("gigabit Ethernet", 50e-6, 1e9, "duplex"),
-    "radio": Network("slow radio mesh", 5e-3, 6e6, "half duplex"),
-    "channel": Network("radio, one channel for all", 5e-3, 6e6, "channel"),
+    "infiniband": SimulatedNetwork("InfiniBand-like cluster", 1.5e-6, 100e9, "duplex"),
+    "ethernet": SimulatedNetwork("gigabit Ethernet", 50e-6, 1e9, "duplex"),
+    "radio": SimulatedNetwork("slow radio mesh", 5e-3, 6e6, "half duplex"),
+    "channel": SimulatedNetwork("radio, one channel for all", 5e-3, 6e6, "channel"),
 }
 """Networks by name. Everybody reaches everybody in one hop."""
 
@@ -109,8 +110,10 @@ NETWORKS = {
 # ---- programs ------------------------------------------------------------------------------------------------------
 
 
-def follow(schedule: Schedule, doubles: Mapping[str, int], samples: int, costs: Costs) -> Iterator[Phase]:
-    """Program of robots that follow a schedule.
+def schedule_program(
+    schedule: Schedule, doubles: Mapping[str, int], samples: int, costs: ComputeCosts
+) -> Iterator[Phase]:
+    """Program of robots that schedule_program a schedule.
 
     Parameters
     ----------
@@ -127,16 +130,16 @@ def follow(schedule: Schedule, doubles: Mapping[str, int], samples: int, costs: 
     before: Round | None = None
     for round_ in schedule.rounds:
         if before is not None and before.recurrence == round_.recurrence:
-            yield Compute(_union([target for _, _, target in before.transfers]), costs.between[round_.recurrence])
+            yield ComputePhase(_union([target for _, _, target in before.transfers]), costs.between[round_.recurrence])
         else:
-            yield Compute(everybody, costs.start[round_.recurrence])
-        yield Exchange(tuple(Flow(s, t, 8 * doubles[kind] * samples) for kind, s, t in round_.transfers))
+            yield ComputePhase(everybody, costs.start[round_.recurrence])
+        yield MessagePhase(tuple(Flow(s, t, 8 * doubles[kind] * samples) for kind, s, t in round_.transfers))
         before = round_
-    yield Compute(everybody, costs.end)
+    yield ComputePhase(everybody, costs.end)
 
 
-def gather_and_scatter(n: int, doubles: tuple[int, int], samples: int, seconds: float) -> Iterator[Phase]:
-    """Program of the centre: all send to rank 0, which computes and sends to all; directly, no tree.
+def gather_scatter_program(n: int, doubles: tuple[int, int], samples: int, seconds: float) -> Iterator[Phase]:
+    """Program of gather and scatter: all send to rank 0, which computes and sends to all; directly, no tree.
 
     Parameters
     ----------
@@ -149,10 +152,10 @@ def gather_and_scatter(n: int, doubles: tuple[int, int], samples: int, seconds: 
     seconds
         What rank 0 computes for one robot, all samples.
     """
-    others, centre = np.arange(1, n), np.zeros(n - 1, dtype=np.intp)
-    yield Exchange((Flow(others, centre, 8 * doubles[0] * samples),))
-    yield Compute(np.zeros(1, dtype=np.intp), n * seconds)
-    yield Exchange((Flow(centre, others, 8 * doubles[1] * samples),))
+    others, root = np.arange(1, n), np.zeros(n - 1, dtype=np.intp)
+    yield MessagePhase((Flow(others, root, 8 * doubles[0] * samples),))
+    yield ComputePhase(np.zeros(1, dtype=np.intp), n * seconds)
+    yield MessagePhase((Flow(root, others, 8 * doubles[1] * samples),))
 
 
 # ---- text ----------------------------------------------------------------------------------------------------------
@@ -169,7 +172,7 @@ def replay(n: int, program: Iterable[Phase]) -> Iterator[str]:
     tag = 0
     yield _lines(np.arange(n), "init")
     for phase in program:
-        if isinstance(phase, Compute):
+        if isinstance(phase, ComputePhase):
             if phase.seconds > 0:
                 yield _lines(phase.ranks, f"compute {phase.seconds * SPEED:.6g}")
             continue
@@ -203,7 +206,7 @@ def _union(parts: Sequence[Ranks]) -> Ranks:
     return np.unique(np.concatenate(parts)) if parts else np.zeros(0, dtype=np.intp)
 
 
-def platform(network: Network, n: int) -> str:
+def platform(network: SimulatedNetwork, n: int) -> str:
     """SimGrid's description of a network of n hosts r0, r1, …, as XML.
 
     A message crosses its sender's link and its receiver's, so each has half the latency; in between nothing is ever
@@ -231,7 +234,7 @@ def platform(network: Network, n: int) -> str:
 # ---- simulation ----------------------------------------------------------------------------------------------------
 
 
-def simulate(network: Network, n: int, program: Iterable[Phase], limit: float | None = None) -> float:
+def simulate(network: SimulatedNetwork, n: int, program: Iterable[Phase], limit: float | None = None) -> float:
     """Simulate a program, and return the time from the start of the first rank to the end of the last, s.
 
     Parameters
@@ -252,7 +255,7 @@ def simulate(network: Network, n: int, program: Iterable[Phase], limit: float | 
     TimeoutError
         If the simulator takes longer.
     """
-    smpirun = find()
+    smpirun = find_smpirun()
     need, free = n * _RANK_BYTES, available_memory()
     if free is not None and need > free:
         raise DependencyError(f"simulating {n} ranks takes {need / 1e9:.1f} GB and {free / 1e9:.1f} GB are free")
@@ -266,15 +269,15 @@ def simulate(network: Network, n: int, program: Iterable[Phase], limit: float | 
         return _run(smpirun, n, folder, limit)
 
 
-def find() -> str:
+def find_smpirun() -> str:
     """Where SimGrid's launcher is."""
-    found = shutil.which("smpirun")
-    if found is None:
+    smpirun = shutil.which("smpirun")
+    if smpirun is None:
         raise DependencyError(
             "smpirun: not found; it belongs to SimGrid (tested with 3.32), which simulates networks; "
             "on Debian and Ubuntu: apt-get install libsimgrid-dev"
         )
-    return found
+    return smpirun
 
 
 def _run(smpirun: str, n: int, folder: Path, limit: float | None) -> float:
@@ -293,8 +296,8 @@ def _run(smpirun: str, n: int, folder: Path, limit: float | None) -> float:
         if process.poll() is None:
             process.terminate()  # smpirun passes it on to the simulator
             process.communicate()
-    found = _TIME.search(output)
-    if process.returncode or not found:
+    time = _TIME.search(output)
+    if process.returncode or not time:
         last = output.strip().splitlines()[-1:] or ["no output"]
         raise DependencyError(f"smpirun: exit status {process.returncode} with {n} ranks ({last[0]})")
-    return float(found[1])
+    return float(time[1])

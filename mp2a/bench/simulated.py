@@ -1,7 +1,6 @@
 """Contenders on networks this machine does not have, up to 65 536 robots: every time in here is simulated."""
 
 import itertools
-import json
 import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -9,22 +8,32 @@ from pathlib import Path
 from typing import Any
 
 from mp2a.bench import costs
-from mp2a.bench.results import FORMAT, machine, write
-from mp2a.bench.simgrid import NETWORKS, NEUTRAL, Phase, find, follow, gather_and_scatter, simulate
+from mp2a.bench.contenders import GATHER_SCATTER, PIPELINE
+from mp2a.bench.machine import describe_machine
+from mp2a.bench.results import FORMAT, read_json, write_json
+from mp2a.bench.simgrid import (
+    NETWORKS,
+    NEUTRAL,
+    Phase,
+    find_smpirun,
+    gather_scatter_program,
+    schedule_program,
+    simulate,
+)
 from mp2a.exceptions import DependencyError, InputError
 from mp2a.methods import METHODS
 from mp2a.schedule import FORCE, MOTION, pipeline
 
-CONTENDERS = ("relay", "centre", "kogge-stone", "compact", "sweep")
-SCHEDULES = {name: method.schedule for name, method in METHODS.items()} | {"relay": pipeline}
-"""Who sends what to whom, by the name of the contender; all messages of the centre's go to one robot."""
+CONTENDERS = (PIPELINE, GATHER_SCATTER, *METHODS)
+SCHEDULES = {name: method.schedule for name, method in METHODS.items()} | {PIPELINE: pipeline}
+"""Who sends what to whom, by the name of the contender; all messages of gather and scatter go to one robot."""
 
-RELAY_DOUBLES = {MOTION: 12, FORCE: 6}
-CENTRE_DOUBLES = (3, 1)
+PIPELINE_DOUBLES = {MOTION: 12, FORCE: 6}
+GATHER_SCATTER_DOUBLES = (3, 1)
 """q, q̇ and q̈ of a joint with one degree of freedom on the way in, its torque on the way out."""
 
 
-def contender(name: str, n: int, samples: int, seconds: Mapping[str, Any]) -> Iterator[Phase]:
+def contender_program(name: str, n: int, samples: int, seconds: Mapping[str, Any]) -> Iterator[Phase]:
     """Program of a contender.
 
     Parameters
@@ -36,21 +45,25 @@ def contender(name: str, n: int, samples: int, seconds: Mapping[str, Any]) -> It
     samples
         Samples in each message.
     seconds
-        What they compute, as `measure` gives it.
+        What they compute, as `measure_costs` gives it.
     """
-    if name == "centre":
-        return gather_and_scatter(n, CENTRE_DOUBLES, samples, seconds[name])
-    doubles = METHODS[name].doubles if name in METHODS else RELAY_DOUBLES
-    return follow(SCHEDULES[name](n), doubles, samples, costs.Costs(**seconds[name]))
+    if name == GATHER_SCATTER:
+        return gather_scatter_program(n, GATHER_SCATTER_DOUBLES, samples, seconds[name])
+    doubles = METHODS[name].doubles if name in METHODS else PIPELINE_DOUBLES
+    return schedule_program(SCHEDULES[name](n), doubles, samples, costs.ComputeCosts(**seconds[name]))
 
 
-def measure(samples: int) -> dict[str, Any]:
-    """Measure on this machine what each contender computes: `Costs` as a dict; of the centre, seconds a robot."""
-    methods = {name: costs.method(name, samples)._asdict() for name in CONTENDERS if name in METHODS}
-    return {"relay": costs.relay(samples)._asdict(), "centre": costs.centre(samples), **methods}
+def measure_costs(samples: int) -> dict[str, Any]:
+    """Measure here what each contender computes: `ComputeCosts` as a dict; of gather and scatter, seconds a robot."""
+    methods = {name: costs.method_costs(name, samples)._asdict() for name in CONTENDERS if name in METHODS}
+    return {
+        PIPELINE: costs.pipeline_costs(samples)._asdict(),
+        GATHER_SCATTER: costs.gather_scatter_cost(samples),
+        **methods,
+    }
 
 
-def sweep(
+def run_simulations(
     out: Path,
     sizes: Sequence[int],
     samples: Sequence[int],
@@ -75,8 +88,8 @@ def sweep(
         Seconds of real time a simulation may take. After one that takes longer its contender is left out for more
         robots on that network, and the file says so.
     seconds
-        What contenders compute, by the number of samples (as text, for JSON) and then as `measure` gives it; measured
-        here where it is missing.
+        What contenders compute, by the number of samples (as text, for JSON) and then as `measure_costs` gives it;
+        measured here where it is missing.
     say
         Called with what is being done.
 
@@ -85,9 +98,9 @@ def sweep(
     dict
         What the file holds.
     """
-    find()
+    find_smpirun()
     held = load(out) if out.exists() else _empty()
-    if any(held["costs"].get(count, given) != given for count, given in (seconds or {}).items()):
+    if any(held["costs"].get(count, new) != new for count, new in (seconds or {}).items()):
         raise InputError(f"seconds: differ from those {out} was simulated with, expected the same or another file")
     held["costs"] |= seconds or {}
     held["left_out"] = [m for m in held["left_out"] if m["network"] not in networks or m["samples"] not in samples]
@@ -100,16 +113,16 @@ def sweep(
             continue
         if str(count) not in held["costs"]:
             say(f"costs of {count} samples")
-            held["costs"][str(count)] = measure(count)
+            held["costs"][str(count)] = measure_costs(count)
         say(f"{name}, {NETWORKS[network].label}, n = {n}, samples {count}")
         began = time.monotonic()
         try:
-            program = contender(name, n, count, held["costs"][str(count)])
+            program = contender_program(name, n, count, held["costs"][str(count)])
             simulated = simulate(NETWORKS[network], n, program, limit)
             held["points"].append({**where, "seconds": simulated, "took": round(time.monotonic() - began, 2)})
         except (TimeoutError, DependencyError) as error:
             held["left_out"].append({**where, "why": str(error)})
-        write(out, held)
+        write_json(out, held)
     return held
 
 
@@ -121,22 +134,16 @@ def load(path: Path) -> dict[str, Any]:
     InputError
         If it cannot be read or is something else.
     """
-    try:
-        held = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"file: {path} cannot be read ({error})") from error
-    if not isinstance(held, dict) or held.get("format") != FORMAT or not isinstance(held.get("points"), list):
-        raise InputError(f"file: {path} holds no simulated times of format {FORMAT}")
-    return held
+    return read_json(path, "simulated times", "points")
 
 
 def _empty() -> dict[str, Any]:
     return {
-        **{"format": FORMAT, "simulated": _version(), "settings": NEUTRAL, "machine": machine()},
+        **{"format": FORMAT, "simulated": _version(), "settings": NEUTRAL, "machine": describe_machine()},
         **{"networks": {}, "costs": {}, "points": [], "left_out": []},
     }
 
 
 def _version() -> str:
-    said = subprocess.run([find(), "-version"], capture_output=True, text=True, check=False).stdout
+    said = subprocess.run([find_smpirun(), "-version"], capture_output=True, text=True, check=False).stdout
     return said.strip().replace(" version", "") or "SimGrid"

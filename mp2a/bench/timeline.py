@@ -22,7 +22,7 @@ _WARM_UP = 5
 _ALIGN = 20
 
 
-def record(samples: int, seed: int, method: str) -> dict[str, Any] | None:
+def trace_call(samples: int, seed: int, method: str) -> dict[str, Any] | None:
     """Trace one call on the world communicator; collective. The trace on rank 0, None elsewhere."""
     comm = MPI.COMM_WORLD
     model = Model.random(comm.Get_size(), seed)

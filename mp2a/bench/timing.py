@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mp2a.bench.settings import Settings
+from mp2a.bench.settings import BenchSettings
 from mp2a.mpi import MPI
 from mp2a.spatial import Array
 from mp2a.transport.wait import wait
@@ -44,11 +44,11 @@ def barrier(comm: MPI.Intracomm) -> None:
     wait(comm.Ibarrier())
 
 
-def measure(
+def time_in_turn(
     comm: MPI.Intracomm,
     contenders: dict[str, Callable[..., Array]],
     state: tuple[Array, ...],
-    settings: Settings,
+    settings: BenchSettings,
     say: Callable[[str], None],
     *,
     single: bool = False,
@@ -72,7 +72,7 @@ def measure(
     return timings
 
 
-def _affordable(walls: dict[str, float], settings: Settings, most: int) -> tuple[int, dict[str, int]]:
+def _affordable(walls: dict[str, float], settings: BenchSettings, most: int) -> tuple[int, dict[str, int]]:
     """How many repeats, and calls in each, the time allows; no repeat where the first calls have used it up."""
     repeats = min(settings.repeats, int(settings.seconds / sum(walls.values())))
     share = settings.seconds / max(repeats, 1) / len(walls)
@@ -85,7 +85,7 @@ def _timed(
     """Wall and largest processor seconds a sample of some calls in a row."""
     arguments = _one_by_one(state)[:calls] if single else [state] * calls
     gc.collect()
-    give_back()
+    trim_memory()
     barrier(comm)
     wall, cpu = time.perf_counter(), time.process_time()
     for sample in arguments:
@@ -97,7 +97,7 @@ def _timed(
     return float(most[0]) / done, float(most[1]) / done
 
 
-def give_back() -> None:
+def trim_memory() -> None:
     """Return the memory of what the last contender left to the system, so that hundreds of ranks fit."""
     if sys.platform == "linux":
         trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc's

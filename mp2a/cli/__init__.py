@@ -7,11 +7,20 @@ from collections.abc import Sequence
 from mp2a import __version__
 from mp2a.bench.settings import ERROR
 from mp2a.cli import bench, check, cost, drive, march, plot, run, schedule, trace
-from mp2a.exceptions import DependencyError, InputError
+from mp2a.exceptions import DependencyError, InputError, OutputError
 from mp2a.mpi_environment import rank_info
 
-_SUBCOMMANDS = (bench, check, plot, cost, schedule, trace, march, drive, run)
+COMMANDS = {
+    module.__name__.rpartition(".")[2]: module
+    for module in (bench, check, plot, cost, schedule, trace, march, drive, run)
+}
+"""The module of each subcommand, by its name."""
 _INTERRUPTED = 130
+_EXAMPLES = """examples:
+  mp2a bench --ranks 1,2,4,8                         time all methods, one rank a robot
+  mp2a plot time results/bench.json                  draw what was measured
+  mp2a march --n 8 --obstacle 10,0,0.5               robots in the simulator
+  mp2a bench --help                                  options and examples of a command"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -20,6 +29,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return options.run(options) or 0
     except (InputError, DependencyError) as error:
+        return _fail(str(error))
+    except OutputError as error:
+        if error.unsaved:
+            print(error.unsaved)  # it would be lost otherwise
         return _fail(str(error))
     except KeyboardInterrupt:
         print("interrupted; what was measured is kept", file=sys.stderr)
@@ -40,10 +53,11 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="mp2a",
         description="A formation of robots computes its own dynamics in O(log2 n) exchanges.",
+        epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"mp2a {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for subcommand in _SUBCOMMANDS:
-        subcommand.add(commands)
+    for module in COMMANDS.values():
+        module.add(commands)
     return parser

@@ -1,12 +1,12 @@
-"""``mp2a bench``: time the methods and their opponents."""
+"""``mp2a bench``: time the methods and their baselines."""
 
 import argparse
 from pathlib import Path
 from typing import Any
 
-from mp2a.bench.settings import Settings
+from mp2a.bench.settings import BenchSettings
 from mp2a.cli.options import (
-    WIDTH,
+    add_format,
     add_network,
     add_run_options,
     as_rank,
@@ -29,70 +29,107 @@ def add(commands: Any) -> None:
         commands,
         "bench",
         _bench,
-        "Time inverse dynamics of a formation, one rank a robot, against relay, centre and pinocchio.",
+        "Time inverse dynamics of a formation, one rank a robot, against pipeline, gather-scatter and pinocchio.",
         "  mp2a bench --ranks 1,2,4,8                start mpirun for each number of ranks\n"
+        "  mp2a bench --ranks 1,2,4,8 --resume       go on after Ctrl-C\n"
         "  mp2a run -n 8 mp2a bench                  measure on the ranks that are there\n"
-        "  mp2a bench --ranks 8,64 --samples 1 --network 5ms,54Mbit --out results/radio.json",
+        "  mp2a bench --ranks 8,64 --samples 1 --network 5ms,54Mbit --out results/radio.json\n"
+        "  mp2a bench --compare old.json new.json    how many times as long each contender takes in new.json",
     )
     parser.add_argument("--ranks", type=ranks, metavar="N,N,…", help="numbers of ranks to start (default: 1,2,4,8)")
     add_run_options(parser)
-    parser.add_argument("--methods", type=words, default=Settings().methods, help="methods to measure (default: all)")
+    defaults = BenchSettings()
+    parser.add_argument("--methods", type=words, default=defaults.methods, help="methods to measure (default: all)")
     parser.add_argument(
         "--network", type=network, metavar="LATENCY,BANDWIDTH", help="network to emulate, such as 5ms,54Mbit"
     )
-    parser.add_argument("--repeats", type=positive, default=5, help="repeats of each contender (default: 5)")
     parser.add_argument(
-        "--seconds", type=positive_number, default=10.0, help="time for the repeats of all contenders (default: 10)"
+        "--repeats", type=positive, default=defaults.repeats, help="repeats of each contender (default: %(default)s)"
     )
+    parser.add_argument(
+        "--seconds", type=positive_number, default=defaults.seconds,
+        help="time for the repeats of all contenders (default: %(default)g)",
+    )  # fmt: skip
     parser.add_argument("--out", type=Path, default=Path("results/bench.json"), help="results file to append to")
-    parser.add_argument("--fresh", action="store_true", help="measure again what the results file holds already")
+    parser.add_argument(
+        "--resume", action="store_true",
+        help="leave out what the results file holds already of the same settings and processor",
+    )  # fmt: skip
+    parser.add_argument("--compare", nargs=2, type=Path, metavar=("A", "B"), help="compare two results files instead")
+    add_format(parser)
     add_network(parser)
 
 
 def _bench(options: argparse.Namespace) -> None:
     from mp2a.bench import results
 
-    if options.out.exists():
+    if options.compare:
+        _compare(options)
+        return
+    if options.out.is_file():
         results.load(options.out)  # said now if it cannot be appended to, not after the measurement
     if under_mpi():
-        if options.ranks is not None:
-            raise InputError("--ranks: given under mpirun, expected one or the other")
-        as_rank(_bench_here, options)
+        _bench_here(options)
         return
-    from mp2a.bench.sweep import sweep
+    from mp2a.bench.campaign import run_campaign
 
     with progress(options.quiet) as say:
-        runs = sweep(options.ranks or [1, 2, 4, 8], _settings(options), options.out, fresh=options.fresh, say=say)
-    _show(runs, options.out)
+        runs = run_campaign(
+            options.ranks or [1, 2, 4, 8], _settings(options), options.out, resume=options.resume, say=say
+        )
+    _show(runs, options)
 
 
 def _bench_here(options: argparse.Namespace) -> None:
     """Measure as one rank of a running mpirun."""
+    for name in ("ranks", "resume"):
+        if getattr(options, name):
+            raise InputError(f"--{name}: given under mpirun, expected one or the other")
     from mp2a.bench import results
-    from mp2a.bench.rank import run
 
-    done = run(_settings(options), say_line if options.quiet else lambda what: None)
-    if done is None:
-        return
-    results.append(options.out, done)
-    if not options.quiet:
-        _show([done], options.out)
+    run = as_rank(_measure, options)
+    if run is not None:
+        results.append(options.out, run)
+        if not options.quiet:
+            _show([run], options)
 
 
-def _show(runs: list[dict[str, Any]], path: Path) -> None:
-    from rich.console import Console
+def _measure(options: argparse.Namespace) -> dict[str, Any] | None:
+    from mp2a import files
+    from mp2a.bench.rank import measure_run
+    from mp2a.exceptions import OutputError
+    from mp2a.mpi import MPI
 
-    from mp2a.bench.table import beyond, messages, notes, times
+    error = None
+    if MPI.COMM_WORLD.Get_rank() == 0:
+        try:
+            files.check_writable(options.out)
+        except OutputError as caught:
+            error = f"--out: {caught}"
+    error = MPI.COMM_WORLD.bcast(error)
+    if error:
+        raise InputError(error)
+    return measure_run(_settings(options), say_line if options.quiet else lambda what: None)
 
-    console = Console(width=WIDTH)
-    console.print(messages(runs))
-    for size in ("batch", "single") if runs[-1]["samples"] > 1 else ("single",):
-        console.print(times(runs, size))
-        console.print(beyond(runs, size))
-    for note in notes(runs):
-        console.print(note, highlight=False)
-    console.print(f"kept in {path}", highlight=False)
+
+def _compare(options: argparse.Namespace) -> None:
+    if options.ranks or options.resume:
+        raise InputError("--compare: given with --ranks or --resume, expected it to be the only thing to do")
+    from mp2a.bench import results
+    from mp2a.bench.report import comparison
+    from mp2a.tables import show
+
+    before, after = (results.load(path)["runs"] for path in options.compare)
+    table, notes = comparison(before, after)
+    show([table], [f"A is {options.compare[0]}, B is {options.compare[1]}.", *notes], options.format)
 
 
-def _settings(options: argparse.Namespace) -> Settings:
-    return Settings(*(getattr(options, name) for name in Settings._fields))
+def _show(runs: list[dict[str, Any]], options: argparse.Namespace) -> None:
+    from mp2a.bench.report import bench_notes, bench_tables
+    from mp2a.tables import show
+
+    show(bench_tables(runs), [*bench_notes(runs), f"Kept in {options.out}."], options.format)
+
+
+def _settings(options: argparse.Namespace) -> BenchSettings:
+    return BenchSettings(*(getattr(options, name) for name in BenchSettings._fields))

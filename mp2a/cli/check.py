@@ -4,12 +4,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mp2a.cli.options import WIDTH, command, positive_number, progress
+from mp2a.cli.options import WIDTH, bounded, command, progress, read_scenario, robot_models, speed
 from mp2a.exceptions import InputError
 
 if TYPE_CHECKING:
-    from mp2a.formation.choreography.check import Report
-    from mp2a.formation.robot_models import RobotModel
+    from mp2a.formation.choreography.check import CheckReport
 
 
 def add(commands: Any) -> None:
@@ -30,8 +29,10 @@ def add(commands: Any) -> None:
     parser.add_argument("--world", type=Path, metavar="FILE", help="simulate in this world (TOML); none: ideal robots")
     parser.add_argument("--demo", action="store_true", help="print a commented scenario")
     parser.add_argument("--robots", default="husky", help="a model for all, or ROLE=MODEL,… (default: husky)")
-    parser.add_argument("--max-speed", type=positive_number, metavar="V", help="v_max, m/s (default: slowest robot's)")
-    parser.add_argument("--margin", type=positive_number, metavar="M", help="between two robots, m (default: 0.1)")
+    parser.add_argument("--max-speed", type=speed, metavar="V", help="v_max, m/s (default: slowest robot's)")
+    parser.add_argument(
+        "--margin", type=bounded(0.0, 100.0, "m"), metavar="M", help="between two robots, m (default: 0.1)"
+    )
     parser.add_argument("--quiet", action="store_true", help=argparse.SUPPRESS)
 
 
@@ -43,45 +44,23 @@ def _check(options: argparse.Namespace) -> int:
         return 0
     if options.file is None:
         raise InputError("FILE: got none, expected a scenario, or --demo")
-    text = read(options.file)
+    text, models = read_scenario(options.file), robot_models(options.robots)
     margin = check.MARGIN if options.margin is None else options.margin
     with progress(options.quiet) as say:
         common: dict[str, Any] = {
             "max_speed": options.max_speed, "margin": margin, "tell": lambda time: say(f"running, {time:.0f} s")
         }  # fmt: skip
         if options.world is None:
-            result = check.report(text, robots(options.robots), **common)
+            result = check.check(text, models, **common)
         else:
             from mp2a.simulator import read_world
-            from mp2a.simulator.check import report
+            from mp2a.simulator.check import report_simulated
 
-            result = report(text, robots(options.robots), read_world(options.world), **common)
+            result = report_simulated(text, models, read_world(options.world), **common)
     return _print(result, options.file, "ideal" if options.world is None else "simulated")
 
 
-def robots(text: str) -> "RobotModel | dict[str, RobotModel]":
-    """Read models of robots, as in ``husky`` or ``R1=husky,R2=tradr``."""
-    from mp2a.formation.robot_models import ROBOTS
-
-    def model(name: str) -> "RobotModel":
-        if name.lower() not in ROBOTS:
-            raise InputError(f"--robots: got model {name!r}, expected one of {', '.join(ROBOTS)}")
-        return ROBOTS[name.lower()]
-
-    if "=" not in text:
-        return model(text)
-    return {role: model(name) for role, _, name in (part.partition("=") for part in text.split(","))}
-
-
-def read(path: Path) -> str:
-    """Read a scenario's text."""
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"FILE: {path} cannot be read as text ({error})") from error
-
-
-def _print(result: "Report", path: Path, kind: str) -> int:
+def _print(result: "CheckReport", path: Path, kind: str) -> int:
     from rich.console import Console
 
     serious = [finding for finding in result.findings if finding.serious]
@@ -97,7 +76,7 @@ def _print(result: "Report", path: Path, kind: str) -> int:
     return 1 if serious else 0
 
 
-def _timeline(result: "Report") -> Any:
+def _timeline(result: "CheckReport") -> Any:
     """Build the table of when each instruction began and ended, robots with the same times together."""
     from rich import box
     from rich.table import Table

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mp2a.cli.options import command, positive_number
-from mp2a.exceptions import DependencyError, InputError
+from mp2a.exceptions import DependencyError, InputError, OutputError
 from mp2a.mpi_environment import under_mpi
 from mp2a.robots.adapters import ADAPTERS, REAL
 
@@ -18,8 +18,6 @@ _BAGS = ("mcap", "ros2", "ros1", "none")
 """Those of `mp2a.robots.records.bag_writer`, which is not loaded to parse options, and none."""
 _WRONG = 2
 """Exit status if something is wrong or missing, as of `mp2a.cli`."""
-_FAILED = 3
-"""Exit status if a robot got into its error state or did not come to the end."""
 
 
 def add(commands: Any) -> None:
@@ -29,7 +27,7 @@ def add(commands: Any) -> None:
         "drive",
         _drive,
         "Drive robots through a scenario. Without --armed nothing is sent to a real robot: it prints what would be.\n"
-        "Exit status 3 if a robot got into its error state or did not come to the end.",
+        "Ends with a table of who arrived; exit status 3 if a robot did not, or touched something.",
         "  mp2a drive dance.txt                                      ideal HUSKYs, prints commands\n"
         "  mp2a drive dance.txt --robots robots.toml --adapter simulator --record results/drive\n"
         "  mp2a drive dance.txt --robots robots.toml --recording results/drive  what would be sent on what was seen\n"
@@ -71,13 +69,15 @@ def _drive(options: argparse.Namespace) -> int:
     comm = None
     if under_mpi():
         from mp2a.mpi import MPI
+        from mp2a.robots.launcher import end_with_launcher
 
+        end_with_launcher()
         comm = MPI.COMM_WORLD if MPI.COMM_WORLD.size > 1 else None
     if comm is None:
         return _drive_as(options, None)
     try:
         return _drive_as(options, comm)
-    except (InputError, DependencyError) as error:
+    except (InputError, DependencyError, OutputError) as error:
         # Often the same on all ranks; one that fails alone must not leave the others waiting.
         print(f"mp2a: rank {comm.rank}: {error}", file=sys.stderr, flush=True)
         comm.Abort(2)
@@ -91,97 +91,127 @@ def _drive(options: argparse.Namespace) -> int:
 
 
 def _drive_as(options: argparse.Namespace, comm: "MPI.Comm | None") -> int:
+    from mp2a.cli.outcome import show
     from mp2a.formation.choreography.reading import parse
-    from mp2a.robots import fleet
+    from mp2a.formation.outcome import status
+    from mp2a.robots import drive_setup
     from mp2a.robots.driver import run
+    from mp2a.robots.sender import WatchdogGoneError
 
     try:
         text = options.scenario.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"SCENARIO: {options.scenario} cannot be read as text ({error})") from error
     scenario = parse(text)
-    found = _robots(options, scenario.robots)
-    roles = fleet.roles_of_this_process(scenario, found.adapter, options.role, comm)
-    if options.armed and found.adapter not in REAL:
-        raise InputError(f"--armed: got adapter {found.adapter}, expected one of {', '.join(REAL)}")
-    recorder, lost = _recorder(options, found, roles), ""
+    robots = _robots(options, scenario.robots)
+    roles = drive_setup.roles_of_this_process(scenario, robots.adapter, options.role, comm)
+    if options.armed and robots.adapter not in REAL:
+        raise InputError(f"--armed: got adapter {robots.adapter}, expected one of {', '.join(REAL)}")
+    recorder, lost = _recorder(options, robots, roles), ""
+    printer = _Printer(robots, options.armed, options.quiet)
     try:
-        crew = fleet.build(scenario, found, roles, comm, armed=options.armed, max_speed=options.max_speed)
-        printer = None if options.quiet else _Printer(found, options.armed)
+        setup = drive_setup.set_up(scenario, robots, roles, comm, armed=options.armed, max_speed=options.max_speed)
 
-        def tell(driver: Any, step: Any) -> None:
-            if printer is not None:
-                printer.tell(driver, step)
+        def tell(driver: Any, tick: Any) -> None:
+            printer.tell(driver.role, tick)
             if recorder is not None:
-                recorder.add(driver.role, crew.epochs[driver.role] + round(1e9 * step.time), step)
+                recorder.add(driver.role, setup.epochs[driver.role] + round(1e9 * tick.time), tick)
 
-        good = run(crew.drivers, crew.pace, options.longest, tell)
+        def outcomes(error: str = "") -> Any:
+            touched = setup.touched()
+            return [driver.outcome(touched.get(driver.role, ()), error) for driver in setup.drivers]
+
+        try:
+            run(setup.drivers, setup.clock, options.longest, tell)
+        except WatchdogGoneError as error:
+            show(outcomes(f"{error}"), printer.title(len(roles)))
+            raise
     finally:
         if recorder is not None:
             lost = recorder.close()
-    for line in crew.report(good):
+    everyone = outcomes() if comm is None else _gather(comm, outcomes())
+    failed = status(everyone)
+    if comm is None or comm.rank == 0:
+        show(everyone, printer.title(len(everyone)))
+    for line in setup.report(not failed):
         print(line, flush=True)
     if lost:  # no exception: under mpirun it would end robots that still drive
         print(f"mp2a: --record: {lost}", file=sys.stderr, flush=True)
         return _WRONG
-    return 0 if good else _FAILED
+    return failed
 
 
-def _recorder(options: argparse.Namespace, found: Any, roles: Any) -> Any:
+def _gather(comm: "MPI.Comm", own: Any) -> Any:
+    """Return the outcomes of all robots, once all have ended; until then this rank sleeps, for the others drive."""
+    from mp2a.transport.wait import wait_unless
+
+    wait_unless(comm.Ibarrier(), lambda: False)
+    return [outcome for outcomes in comm.allgather(own) for outcome in outcomes]
+
+
+def _recorder(options: argparse.Namespace, robots: Any, roles: Any) -> Any:
     """Start what writes the record, if there is to be one."""
     if options.record is None:
         if options.bag is not None:
             raise InputError(f"--bag: got {options.bag} without --record, expected --record DIR as well")
         return None
-    from mp2a.robots.records.recorder import Orders, Recorder
+    from mp2a.robots.records.recorder import DriveRecorder, RecordConfig
 
-    real = found.adapter in REAL
+    real = robots.adapter in REAL
     unarmed = ", not armed: commands are not sent" if real and not options.armed else ""
-    headline = f"starts, adapter {found.adapter}{unarmed}"
-    interfaces = {role: found.interfaces[role] for role in roles}
-    return Recorder(Orders(options.record, options.bag or _BAGS[0], interfaces, headline), wait=not real)
+    headline = f"starts, adapter {robots.adapter}{unarmed}"
+    configs = {role: robots.configs[role] for role in roles}
+    return DriveRecorder(RecordConfig(options.record, options.bag or _BAGS[0], configs, headline), wait=not real)
 
 
 def _robots(options: argparse.Namespace, roles: Any) -> Any:
-    from mp2a.robots import robots_file
+    from mp2a.robots.robots_file import parse_robots, read_robots
 
     if options.robots.endswith(".toml"):
-        found = robots_file.read(options.robots, roles)
+        robots = read_robots(options.robots, roles)
     else:
         models = dict.fromkeys(roles, options.robots)
         if "=" in options.robots:
             models = {role: model for role, _, model in (part.partition("=") for part in options.robots.split(","))}
         # A text of JSON is one of TOML.
         tables = [f"[robots.{json.dumps(role)}]\nmodel = {json.dumps(model)}\n" for role, model in models.items()]
-        found = robots_file.parse("".join(tables), roles, "--robots")
-    adapter = options.adapter or found.adapter
+        robots = parse_robots("".join(tables), roles, "--robots")
+    adapter = options.adapter or robots.adapter
     if options.recording is not None:
         if options.adapter not in (None, "recording"):
             raise InputError(f"--recording: got adapter {options.adapter}, expected recording")
-        adapter, found = "recording", found._replace(recording=options.recording)
+        adapter, robots = "recording", robots._replace(recording=options.recording)
     if options.begin is not None and adapter != "recording":
         raise InputError(f"--begin: got adapter {adapter}, expected recording")
-    return found._replace(adapter=adapter, begin=options.begin)
+    return robots._replace(adapter=adapter, begin=options.begin)
 
 
 class _Printer:
-    """Prints commands twice a second, and at once when something happens."""
+    """Prints commands twice a second, at once when something happens, and the zero that stops a robot."""
 
-    def __init__(self, found: Any, armed: bool) -> None:
-        self._topics = {role: interface.command_topic for role, interface in found.interfaces.items()}
+    def __init__(self, robots: Any, armed: bool, quiet: bool) -> None:
+        self._topics = {role: config.command_topic for role, config in robots.configs.items()}
+        self._adapter, self._quiet = robots.adapter, quiet
         self._verb = "sent" if armed else "would be sent"
         self._next: dict[str, float] = {}
         self._flags: dict[str, tuple[bool, ...]] = {}
+        self._time = 0.0
 
-    def tell(self, driver: Any, step: Any) -> None:
-        flags = step.flags
-        if step.time < self._next.get(driver.role, 0.0) and flags == self._flags.get(driver.role, flags):
+    def title(self, robots: int) -> str:
+        """Return the headline of the summary of so many robots."""
+        return f"{robots} robot{'s' * (robots != 1)}, {self._time:.1f} s, adapter {self._adapter}"
+
+    def tell(self, role: str, tick: Any) -> None:
+        """Print a tick of a robot, if there is something to say."""
+        self._time, flags = tick.time, tick.flags
+        unchanged = flags == self._flags.get(role, flags)
+        if self._quiet or (tick.time < self._next.get(role, 0.0) and unchanged and not tick.stands):
             return
-        self._next[driver.role], self._flags[driver.role] = step.time + 0.5, flags
+        self._next[role], self._flags[role] = tick.time + 0.5, flags
         names = ("blocked", "ERROR STATE", "human drives", "done")
         said = ", ".join(name for name, flag in zip(names, flags, strict=True) if flag)
         print(
-            f"{driver.role:<8} {step.time:8.2f} s  {self._topics[driver.role]}  linear.x {step.command[0]:6.3f} m/s  "
-            f"angular.z {step.command[1]:6.3f} rad/s  {self._verb}{'  ' + said if said else ''}",
+            f"{role:<8} {tick.time:8.2f} s  {self._topics[role]}  linear.x {tick.command[0]:6.3f} m/s  "
+            f"angular.z {tick.command[1]:6.3f} rad/s  {self._verb}{'  ' + said if said else ''}",
             flush=True,
         )

@@ -1,30 +1,37 @@
 """``mp2a march``: robots in the 2-D simulator, by a choreography or by dynamics, in one process or a robot a rank."""
 
 import argparse
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from mp2a.cli.options import WIDTH, as_rank, command, positive, positive_number, words
-from mp2a.cli.stage import Plan, danced, marched
-from mp2a.exceptions import DependencyError, InputError
+from mp2a.cli.march_setup import MarchSetup, set_up
+from mp2a.cli.options import as_rank, bounded, command, positive, speed, words
+from mp2a.exceptions import DependencyError, InputError, OutputError
+from mp2a.formation.outcome import Outcome, status
 from mp2a.mpi_environment import under_mpi
 
 if TYPE_CHECKING:
-    from mp2a.formation.record import Record
+    from mp2a.formation.record import FormationRecord
     from mp2a.mpi import MPI
-    from mp2a.simulator import Event, Recorder, Recording, Simulation
+    from mp2a.simulator import Controller, Recording, RobotEvent, RunRecorder, Simulation
+    from mp2a.simulator.driver import Ending, SimulationDriver
     from mp2a.spatial import Array
 
+_FAR = 1e5
+"""m: coordinates beyond it are taken for a mistake, as in world files."""
 _BY_DYNAMICS: dict[str, Any] = {
     "n": None, "shape": "line", "spacing": 2.0, "path": ((0.0, 0.0), (20.0, 0.0), (20.0, 15.0)), "radius": 3.0,
     "spline": False, "speed": None,
 }  # fmt: skip
-"""What only a march by dynamics has, and what it is if not given."""
-_DANCED: dict[str, Any] = {"max_speed": None, "start": (0.0, 0.0, 0.0)}
-"""What only a choreography has."""
-_TOLD = 12
+"""Options that only a march by dynamics has, and their defaults."""
+_CHOREOGRAPHY: dict[str, Any] = {"max_speed": None, "start": (0.0, 0.0, 0.0)}
+"""Options that only a choreography has."""
+_PRINTED = 12
 """Events that are printed; the recording has all."""
+_NOT_WRITTEN = 2
+"""Exit status if a file could not be written, as of whatever is wrong or missing."""
 
 
 def add(commands: Any) -> None:
@@ -34,7 +41,7 @@ def add(commands: Any) -> None:
         "march",
         _march,
         "Robots in the 2-D simulator, by a choreography (FILE) or by dynamics along a path that only the leader knows. "
-        "Writes pictures, an animation and recordings.",
+        "Writes pictures, an animation and recordings. Exit status 3 if a robot did not arrive or touched something.",
         "  mp2a march examples/scenarios/listing_7_1.txt --world examples/worlds/thesis.toml --out results/7_1\n"
         '  mp2a march --n 8 --path "0,0 20,0 20,15" --obstacle 10,0,0.5 --out results/line\n'
         "  mp2a march --shape triangle --n 6 --spacing 3\n"
@@ -46,7 +53,9 @@ def add(commands: Any) -> None:
         "--obstacle", type=_disc, action="append", default=[], metavar="X,Y,R", help="a disc, m; any number of them"
     )
     parser.add_argument("--robots", default="husky", help="a model for all, or ROLE=MODEL,… (default: husky)")
-    parser.add_argument("--seconds", type=positive_number, help="how long at most (default: until all have finished)")
+    parser.add_argument(
+        "--seconds", type=bounded(0.1, 1e5, "s"), help="how long at most (default: until all have finished)"
+    )
     parser.add_argument(
         "--slip", choices=("none", "mild", "hard"), default="mild", help="of turning wheels (default: mild)"
     )
@@ -56,107 +65,116 @@ def add(commands: Any) -> None:
         "--write", type=words, default=tuple(_WRITERS), metavar=",".join(_WRITERS), help="which (default: all)"
     )
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    dance = parser.add_argument_group("a choreography")
-    dance.add_argument("--max-speed", type=positive_number, metavar="V", help="v_max, m/s (default: slowest robot's)")
-    dance.add_argument(
+    choreography = parser.add_argument_group("a choreography")
+    choreography.add_argument("--max-speed", type=speed, metavar="V", help="v_max, m/s (default: slowest robot's)")
+    choreography.add_argument(
         "--start", type=_pose, metavar="X,Y,DEG",
         help="where its virtual leader begins, m and degrees (default: 0,0,0)",
     )  # fmt: skip
+    length = bounded(1e-3, _FAR, "m")
     dynamics = parser.add_argument_group("by dynamics")
     dynamics.add_argument("--n", type=positive, help="how many robots (default: 8, or one a rank)")
     dynamics.add_argument("--shape", help="line (follow the leader, default), row, column, triangle, …")
-    dynamics.add_argument("--spacing", type=positive_number, help="between neighbours, m (default: 2)")
+    dynamics.add_argument("--spacing", type=length, help="between neighbours, m (default: 2)")
     dynamics.add_argument("--path", type=_points, metavar='"X,Y X,Y …"', help="waypoints of the leader, m")
-    dynamics.add_argument("--radius", type=positive_number, help="of rounded corners, m (default: 3)")
+    dynamics.add_argument("--radius", type=length, help="of rounded corners, m (default: 3)")
     dynamics.add_argument("--spline", action="store_true", default=None, help="a smooth curve through the waypoints")
-    dynamics.add_argument(
-        "--speed", type=positive_number, help="of the leader at most, m/s (default: 70 %% of a robot's)"
-    )
+    dynamics.add_argument("--speed", type=speed, help="of the leader at most, m/s (default: 70 %% of a robot's)")
 
 
-def _march(options: argparse.Namespace) -> None:
+def _march(options: argparse.Namespace) -> int | None:
     _settle_options(options)
-    if under_mpi():
-        as_rank(_march_here, options)
-        return
-    from mp2a.simulator import Recorder, run
-
-    plan = danced(options) if options.file else marched(options, None)
-    simulation = _simulation(options, plan)
-    recorder = Recorder(simulation)
-    with plan.robots(None) as robots:
-
-        def controller(sensed: Any) -> Any:
-            commands = robots.step(sensed)
-            return None if robots.done else commands
-
-        run(simulation, controller, plan.until, recorder, quiet=options.quiet)
-    _keep(options, recorder, [_Part.of(robots)])
+    return as_rank(_march_as_rank, options) if under_mpi() else _march_with(options, None)
 
 
-def _march_here(options: argparse.Namespace) -> None:
-    """March as one rank of a running mpirun; rank 0 has the world, too."""
+def _march_as_rank(options: argparse.Namespace) -> int:
     from mp2a.mpi import MPI
-    from mp2a.simulator.ranks import perform
 
-    comm = MPI.COMM_WORLD
-    plan, simulation = _agree(comm, options)
-    with plan.robots(comm) as robots:
-        if simulation is None:
-            perform(comm, robots, None)
-            comm.gather(_Part.of(robots))
-            return
-        from mp2a.simulator import Recorder, run
+    return _march_with(options, MPI.COMM_WORLD)
 
-        recorder = Recorder(simulation)
-        perform(comm, robots, lambda everyone: run(simulation, everyone, plan.until, recorder, quiet=options.quiet))
-        parts = comm.gather(_Part.of(robots))
-    assert parts is not None
-    _keep(options, recorder, parts)
+
+def _march_with(options: argparse.Namespace, comm: "MPI.Intracomm | None") -> int:
+    """March with all robots in this process, or with one of them on each rank; rank 0 then has the world, too."""
+    from mp2a.simulator import RunRecorder, simulate
+
+    setup, simulation = _agree(options, comm)
+    recorder = None if simulation is None else RunRecorder(simulation, setup.roles)
+
+    def run(controller: "Controller") -> None:
+        assert simulation is not None
+        simulate(simulation, controller, setup.until, recorder, quiet=options.quiet)
+
+    with setup.driver(comm) as driver:
+        if comm is None:
+            run(driver.step_until_done)
+        else:
+            from mp2a.simulator.ranks import simulate_over_ranks
+
+            simulate_over_ranks(comm, driver, None if simulation is None else run)
+        parts = [_Part.of(driver)] if comm is None else comm.gather(_Part.of(driver))
+    result = 0
+    if simulation is not None and recorder is not None and parts is not None:
+        result = _finish(options, simulation, recorder, setup, parts)
+    return result if comm is None else _for_all(comm, result)
 
 
 class _Part(NamedTuple):
-    """What the robots of a process leave behind."""
+    """What the driver of a process leaves behind."""
 
     leaders: "Array"
-    events: "list[Event]"
-    record: "Record | None"
+    leader_paths: "list[Array]"
+    events: "list[RobotEvent]"
+    ending: "Ending"
+    record: "FormationRecord | None"
 
     @classmethod
-    def of(cls, robots: Any) -> "_Part":
-        """Take it from what drove them."""
+    def of(cls, driver: "SimulationDriver") -> "_Part":
+        """Take it from the driver."""
         import numpy as np
 
-        return cls(np.array(robots.leaders), robots.events, getattr(robots, "record", None))
+        record = getattr(driver, "record", None)  # a choreography has none
+        return cls(np.array(driver.leaders), driver.leader_paths, driver.events, driver.ending, record)
 
 
-def _agree(comm: "MPI.Intracomm", options: argparse.Namespace) -> "tuple[Plan, Simulation | None]":
-    """Plan on rank 0 and tell all; the path is the leader's alone."""
+def _agree(options: argparse.Namespace, comm: "MPI.Intracomm | None") -> "tuple[MarchSetup, Simulation | None]":
+    """Set up in the first process and tell all; the path is the leader's alone."""
+    if comm is None:
+        setup = set_up(options, None)
+        return setup, _simulation(options, setup)
     from mp2a.transport.agreement import raise_together
 
-    plan: Any = None
+    own: Any = None
     simulation: Any = None
     wrong: InputError | None = None
     if comm.rank == 0:
         try:
-            plan = danced(options) if options.file else marched(options, comm.size)
-            if len(plan.models) != comm.size:
-                raise InputError(f"FILE: got {len(plan.models)} robots for {comm.size} ranks, expected one a rank")
-            simulation = _simulation(options, plan)
+            own = set_up(options, comm.size)
+            simulation = _simulation(options, own)
         except InputError as error:
             wrong = error
     raise_together(comm, wrong)
-    told = comm.bcast(plan if options.file or plan is None else plan._replace(path=None))
-    return (told if plan is None else plan), simulation
+    common = comm.bcast(own._replace(path=None) if own is not None and hasattr(own, "path") else own)
+    return (common if own is None else own), simulation
+
+
+def _for_all(comm: "MPI.Intracomm", result: int) -> int:
+    """Give every rank the exit status of the first, without a busy core while that one writes."""
+    import numpy as np
+
+    from mp2a.transport.wait import wait
+
+    number = np.array([result], dtype=np.intc)
+    wait(comm.Ibcast(number, 0))
+    return int(number[0])
 
 
 def _settle_options(options: argparse.Namespace) -> None:
     """Fill in what was not given, and refuse what does not belong together."""
-    foreign, why = (_BY_DYNAMICS, "with a FILE") if options.file else (_DANCED, "without a FILE")
+    foreign, why = (_BY_DYNAMICS, "with a FILE") if options.file else (_CHOREOGRAPHY, "without a FILE")
     for name in foreign:
         if getattr(options, name) is not None:
             raise InputError(f"--{name.replace('_', '-')}: got {getattr(options, name)} {why}, expected none")
-    for name, value in (_BY_DYNAMICS | _DANCED).items():
+    for name, value in (_BY_DYNAMICS | _CHOREOGRAPHY).items():
         if getattr(options, name) is None:
             setattr(options, name, value)
     unknown = [name for name in options.write if name not in _WRITERS]
@@ -164,45 +182,66 @@ def _settle_options(options: argparse.Namespace) -> None:
         raise InputError(f"--write: got {unknown[0]!r}, expected one of {', '.join(_WRITERS)}")
 
 
-def _simulation(options: argparse.Namespace, plan: Plan) -> "Simulation":
+def _simulation(options: argparse.Namespace, setup: MarchSetup) -> "Simulation":
+    from mp2a.files import check_writable
     from mp2a.simulator import Simulation, World, disc, read_world
-    from mp2a.simulator.drive import SLIPS
+    from mp2a.simulator.vehicle import SLIPS
 
     world = World() if options.world is None else read_world(options.world)
     if options.obstacle:
         discs = [disc((x, y), radius) for x, y, radius in options.obstacle]
         world = World(world.walls, [*world.obstacles, *discs], world.name)
+    if options.out.exists() and not (options.out.is_file() or options.out.is_dir()):
+        raise InputError(f"--out: got {options.out}, a device, expected what names of files begin with")
     try:
-        options.out.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--out: {options.out} cannot be written ({error.strerror})") from error
-    return Simulation(world, plan.models, plan.poses, slip=SLIPS[options.slip])
+        check_writable(_named(options, ".npz"))
+    except OutputError as error:
+        raise InputError(f"--out: {error}") from error
+    return Simulation(world, setup.models, setup.poses, slip=SLIPS[options.slip])
 
 
-def _keep(options: argparse.Namespace, recorder: "Recorder", parts: "list[_Part]") -> None:
-    """Write and print what the robots left behind."""
+def _finish(
+    options: argparse.Namespace,
+    simulation: "Simulation",
+    recorder: "RunRecorder",
+    setup: MarchSetup,
+    parts: "list[_Part]",
+) -> int:
+    """Print and write what the robots left behind; return the exit status."""
     import numpy as np
 
-    from mp2a.formation.record import save, together
+    from mp2a.simulator.driver import Ending
+    from mp2a.simulator.outcomes import outcomes
 
     leaders = np.concatenate([part.leaders for part in parts], axis=1)
-    recording = recorder.recording(leaders, [event for part in parts for event in part.events])
-    written = []
-    for name in options.write:
+    recording = recorder.recording(leaders, [event for part in parts for event in part.events], parts[0].leader_paths)
+    ending = Ending.of_all([part.ending for part in parts])
+    if not options.file:  # only the leader knows its path, and when that is over
+        ending = ending._replace(over=np.full(len(setup.roles), ending.over.all()))
+    ends = outcomes(simulation, setup.roles, ending)
+    # First of all: where files cannot be written, this is what is left.
+    if not options.quiet:
+        _show(recording, ends)
+    else:
+        for line in (str(each) for each in ends if not each.good):
+            print(f"mp2a: {line}", file=sys.stderr)
+    writers = [(name, _WRITERS[name]) for name in options.write]
+    if not options.file:
+        writers.append(("scan", lambda recording, options: _scan(parts, options)))
+    wrong = False
+    for name, write in writers:
         try:
-            written.append(_WRITERS[name](recording, options))
+            path = write(recording, options)
         except DependencyError as error:
             if not options.quiet:
                 print(f"no {name}: {error}")
-    records = [part.record for part in parts if part.record is not None]
-    if records:
-        about = {name: getattr(options, name) for name in _BY_DYNAMICS} | {
-            "n": len(recording.models), "method": options.method,
-        }  # fmt: skip
-        written.append(options.out.with_name(f"{options.out.name}-scan.npz"))
-        save(written[-1], together(records), about)
-    if not options.quiet:
-        _show(recording, options, written)
+        except OutputError as error:
+            wrong = True
+            print(f"mp2a: no {name}: {error}", file=sys.stderr)
+        else:
+            if not options.quiet:
+                print(path)
+    return _NOT_WRITTEN if wrong else status(ends)
 
 
 def _named(options: argparse.Namespace, ending: str) -> Path:
@@ -210,27 +249,39 @@ def _named(options: argparse.Namespace, ending: str) -> Path:
     return out
 
 
-def _paths(recording: "Recording", options: argparse.Namespace) -> Path:
-    from mp2a.plot.march import march
+def _npz(recording: "Recording", options: argparse.Namespace) -> Path:
+    from mp2a.simulator import save_recording
 
-    return march(recording, _named(options, ".png"))
+    return save_recording(recording, _named(options, ".npz"))
+
+
+def _mcap(recording: "Recording", options: argparse.Namespace) -> Path:
+    from mp2a.simulator import save_recording
+
+    return save_recording(recording, _named(options, ".mcap"))
+
+
+def _paths(recording: "Recording", options: argparse.Namespace) -> Path:
+    from mp2a.plot import march_figure, save_figure
+
+    return save_figure(march_figure(recording), _named(options, ".png"))
 
 
 def _speeds(recording: "Recording", options: argparse.Namespace) -> Path:
-    from mp2a.plot.speeds import speeds
+    from mp2a.plot import save_figure, speeds_figure
 
-    return speeds(recording, _named(options, "-speeds.png"))
+    return save_figure(speeds_figure(recording), _named(options, "-speeds.png"))
 
 
 def _animation(recording: "Recording", options: argparse.Namespace) -> Path:
-    from mp2a.plot.animation import animation
+    from mp2a.plot import save_animation
 
-    return animation(recording, _named(options, ".gif"), quiet=options.quiet)
+    return save_animation(recording, _named(options, ".gif"), quiet=options.quiet)
 
 
 _WRITERS: "dict[str, Callable[[Recording, argparse.Namespace], Path]]" = {
-    "npz": lambda recording, options: recording.save(_named(options, ".npz")),
-    "mcap": lambda recording, options: recording.save(_named(options, ".mcap")),
+    "npz": _npz,
+    "mcap": _mcap,
     "paths": _paths,
     "speeds": _speeds,
     "animation": _animation,
@@ -238,48 +289,55 @@ _WRITERS: "dict[str, Callable[[Recording, argparse.Namespace], Path]]" = {
 """What is written of a march. A new kind is a line here."""
 
 
-def _show(recording: "Recording", options: argparse.Namespace, written: list[Path]) -> None:
-    import numpy as np
-    from rich.console import Console
-    from rich.table import Table
+def _scan(parts: "list[_Part]", options: argparse.Namespace) -> Path:
+    """Write what a march by dynamics keeps of its scan."""
+    from mp2a.formation.record import join, save
 
-    n = len(recording.models)
+    records = [part.record for part in parts if part.record is not None]
+    about = {name: getattr(options, name) for name in _BY_DYNAMICS} | {
+        "n": records[0].pose.shape[1] if len(records) == 1 else len(records), "method": options.method,
+    }  # fmt: skip
+    out = _named(options, "-scan.npz")
+    save(out, join(records), about)
+    return out
+
+
+def _show(recording: "Recording", ends: list[Outcome]) -> None:
+    import numpy as np
+
+    from mp2a.cli.outcome import show
+
     way = np.hypot(*np.moveaxis(np.diff(recording.poses[..., :2], axis=0), -1, 0)).sum(axis=0)
     off = np.abs(recording.gaps - recording.leaders[..., 2])
-    table = Table(title=f"{n} robots, {recording.times[-1]:.1f} s, simulated")
-    for heading in ("robot", "way, m", "ends at, m", "fastest, m/s", "off its distance at most, m"):
-        table.add_column(heading, justify="right")
-    for i in range(n):
-        x, y, _ = recording.poses[-1, i]
-        fastest, most = np.abs(recording.twists[:, i, 0]).max(), np.nanmax(off[:, i])
-        table.add_row(f"{i + 1}", f"{way[i]:.2f}", f"{x:.2f}, {y:.2f}", f"{fastest:.2f}", f"{most:.2f}")
-    console = Console(width=WIDTH, highlight=False)
-    console.print(table)
-    for event in recording.events[:_TOLD]:
-        console.print(f"{event.time:6.1f} s  {event.text}")
-    if len(recording.events) > _TOLD:
-        console.print(f"and {len(recording.events) - _TOLD} more events, see the recording")
-    for path in written:
-        console.print(str(path), soft_wrap=True)
+    fastest = np.abs(recording.twists[..., 0]).max(axis=0)
+    columns = {"way, m": way, "fastest, m/s": fastest, "farthest off, m": np.nanmax(off, axis=0)}
+    for event in recording.events[:_PRINTED]:
+        print(f"{event.time:6.1f} s  {event.text(recording.roles)}")
+    if len(recording.events) > _PRINTED:
+        print(f"and {len(recording.events) - _PRINTED} more events, see the recording")
+    show(ends, f"{len(ends)} robots, {recording.times[-1]:.1f} s, simulated", columns)
 
 
-def _numbers(text: str, count: int) -> tuple[float, ...]:
+def _numbers(text: str, *most: float) -> tuple[float, ...]:
     try:
         numbers = tuple(float(word) for word in text.split(","))
     except ValueError:
         numbers = ()
-    if len(numbers) != count:
-        raise argparse.ArgumentTypeError(f"got {text!r}, expected {count} numbers with commas between them")
+    if len(numbers) != len(most):
+        raise argparse.ArgumentTypeError(f"got {text!r}, expected {len(most)} numbers with commas between them")
+    for number, bound in zip(numbers, most, strict=True):
+        if not abs(number) <= bound:
+            raise argparse.ArgumentTypeError(f"got {text!r}, expected numbers of at most {bound:g}")
     return numbers
 
 
 def _points(text: str) -> tuple[tuple[float, ...], ...]:
-    return tuple(_numbers(word, 2) for word in text.split())
+    return tuple(_numbers(word, _FAR, _FAR) for word in text.split())
 
 
 def _disc(text: str) -> tuple[float, ...]:
-    return _numbers(text, 3)
+    return _numbers(text, _FAR, _FAR, _FAR)
 
 
 def _pose(text: str) -> tuple[float, ...]:
-    return _numbers(text, 3)
+    return _numbers(text, _FAR, _FAR, 360.0)

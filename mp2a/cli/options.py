@@ -1,13 +1,21 @@
 """What the subcommands share: options, how to read them, progress, being a rank."""
 
 import argparse
+import sys
 import traceback
 from collections.abc import Callable
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from mp2a.bench.settings import PROGRESS
-from mp2a.exceptions import DependencyError, InputError
+from mp2a.bench.settings import ERROR, PROGRESS
+from mp2a.exceptions import DependencyError, InputError, OutputError
+from mp2a.file_kinds import kind_of_file
 from mp2a.network import EmulatedNetwork, parse
+
+if TYPE_CHECKING:
+    from mp2a.formation.robot_models import RobotModel
+
+T = TypeVar("T")
 
 WIDTH = 136
 """Columns of the tables, whatever the terminal: cut-off headings help nobody."""
@@ -28,20 +36,28 @@ def command(
     return parser
 
 
-def as_rank(run: Callable[[argparse.Namespace], None], options: argparse.Namespace) -> None:
-    """Run a rank's part; what goes wrong on one rank alone ends all, since the others would wait for it."""
+def as_rank(run: Callable[[argparse.Namespace], T], options: argparse.Namespace) -> T:
+    """Return the result of a rank's part; what goes wrong on one rank alone ends all, for the others would wait for it.
+
+    What only one rank does, after the last message, is better done outside: its errors are its own.
+    """
     from mp2a.cores import restore_timer_slack
     from mp2a.mpi import MPI, check_launcher
 
     check_launcher()
     restore_timer_slack()
     try:
-        run(options)
+        return run(options)
     except (InputError, DependencyError):
         raise  # the same on every rank
+    except OutputError as error:
+        print(f"{ERROR}{error}", file=sys.stderr, flush=True)
+        MPI.COMM_WORLD.Abort(2)
+        raise  # never reached: Abort ends the process
     except BaseException:
         traceback.print_exc()
         MPI.COMM_WORLD.Abort(1)
+        raise  # never reached: Abort ends the process
 
 
 def add_run_options(command: argparse.ArgumentParser) -> None:
@@ -49,6 +65,16 @@ def add_run_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--samples", type=positive, default=2000, help="samples of the trajectory (default: 2000)")
     command.add_argument("--seed", type=int, default=0, help="of the random chain and its motion (default: 0)")
     command.add_argument("--quiet", action="store_true", help=argparse.SUPPRESS)
+
+
+def add_format(command: argparse.ArgumentParser) -> None:
+    """Add the option of how tables are written."""
+    from mp2a.tables import STYLES
+
+    command.add_argument(
+        "--format", choices=tuple(STYLES), default="text",
+        help="how tables are written; csv and json have plain numbers in the units of the SI (default: text)",
+    )  # fmt: skip
 
 
 def add_network(command: argparse.ArgumentParser) -> None:
@@ -96,6 +122,49 @@ def positive_number(text: str) -> float:
     if not 0 < number < float("inf"):
         raise argparse.ArgumentTypeError(f"got {text!r}, expected a positive number")
     return number
+
+
+def bounded(least: float, most: float, unit: str) -> Callable[[str], float]:
+    """Return a reader of numbers between two bounds, which stand in the error."""
+
+    def read(text: str) -> float:
+        try:
+            number = float(text)
+        except ValueError:
+            number = float("nan")
+        if not least <= number <= most:
+            raise argparse.ArgumentTypeError(f"got {text!r}, expected a number from {least:g} to {most:g} {unit}")
+        return number
+
+    return read
+
+
+speed = bounded(1e-3, 100.0, "m/s")
+"""Read a speed of a robot."""
+
+
+def read_scenario(path: Path, name: str = "FILE") -> str:
+    """Read a scenario's text; ``name`` is what errors call the argument."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{name}: {path} cannot be read as text: it is {kind_of_file(path)}, expected a scenario"
+        ) from error
+
+
+def robot_models(text: str) -> "RobotModel | dict[str, RobotModel]":
+    """Read models of robots, as in ``husky`` or ``R1=husky,R2=tradr``."""
+    from mp2a.formation.robot_models import ROBOTS
+
+    def model(name: str) -> "RobotModel":
+        if name.lower() not in ROBOTS:
+            raise InputError(f"--robots: got model {name!r}, expected one of {', '.join(ROBOTS)}")
+        return ROBOTS[name.lower()]
+
+    if "=" not in text:
+        return model(text)
+    return {role: model(name) for role, _, name in (part.partition("=") for part in text.split(","))}
 
 
 def say_line(what: str) -> None:

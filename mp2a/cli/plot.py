@@ -3,10 +3,13 @@
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mp2a.cli.options import command, positive_number
 from mp2a.exceptions import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def add(commands: Any) -> None:
@@ -17,85 +20,100 @@ def add(commands: Any) -> None:
         _plot,
         "Draw results (time, speedup, emulated latencies, simulated formations), the timeline of a trace, or a "
         "recording (paths of a march, its speeds and distances, an animation).",
-        "  mp2a plot time results/bench.json\n"
+        "  mp2a plot time results/bench.json           writes results/bench-time.png\n"
         "  mp2a plot speedup results/bench.json --against pinocchio --out speedup.pdf\n"
-        "  mp2a plot latency results/latency.json     runs of mp2a bench --network\n"
+        "  mp2a plot latency results/latency.json      runs of mp2a bench --network\n"
         "  mp2a plot simulated results/simulated.json  of benchmarks/simulate.py\n"
         "  mp2a plot timeline results/trace.json\n"
         "  mp2a plot march results/simulate.npz        of examples/simulate.py\n"
         "  mp2a plot speeds results/simulate.npz --out speeds.svg\n"
         "  mp2a plot animation results/simulate.npz    a GIF",
     )
-    parser.add_argument("picture", choices=_PICTURES)
+    parser.add_argument("picture", choices=[*_FIGURES, "animation"])
     parser.add_argument("file", type=Path, help="results of mp2a bench, a trace of mp2a trace, or a recording (.npz)")
-    parser.add_argument("--out", type=Path, help="picture to write (default: beside the file)")
+    parser.add_argument("--out", type=Path, help="picture to write (default: FILE-PICTURE.png beside the file)")
     parser.add_argument(
         "--period", type=positive_number, default=0.01, help="control period of the real-time line, s (default: 0.01)"
     )
-    parser.add_argument("--against", default="relay", help="contender that speedup is over (default: relay)")
+    parser.add_argument("--against", default="pipeline", help="contender that speedup is over (default: pipeline)")
 
 
 def _plot(options: argparse.Namespace) -> None:
-    ending = "gif" if options.picture == "animation" else "png"
-    out = options.out or options.file.with_name(f"{options.picture}.{ending}")
-    print(_PICTURES[options.picture](options, out))
+    from mp2a.plot import save_animation, save_figure
+
+    animated = options.picture == "animation"
+    ending = "gif" if animated else "png"
+    # The name of what is drawn stays in front, so that no picture takes another file's place.
+    out = options.out or options.file.with_name(f"{options.file.stem}-{options.picture}.{ending}")
+    if animated:
+        from mp2a.simulator import load_recording
+
+        print(save_animation(load_recording(options.file), out))
+        return
+    print(save_figure(_FIGURES[options.picture](options), out))
 
 
-def _time(options: argparse.Namespace, out: Path) -> Path:
-    from mp2a import plot
+def _time(options: argparse.Namespace) -> "Figure":
     from mp2a.bench import results
+    from mp2a.plot import time_figure
 
-    return plot.time(results.load(options.file), out, period=options.period)
+    return time_figure(results.load(options.file), options.period)
 
 
-def _speedup(options: argparse.Namespace, out: Path) -> Path:
-    from mp2a import plot
+def _speedup(options: argparse.Namespace) -> "Figure":
     from mp2a.bench import results
+    from mp2a.plot import speedup_figure
 
-    return plot.speedup(results.load(options.file), out, against=options.against)
+    return speedup_figure(results.load(options.file), options.against)
 
 
-def _latency(options: argparse.Namespace, out: Path) -> Path:
-    from mp2a import plot
+def _latency(options: argparse.Namespace) -> "Figure":
     from mp2a.bench import results
+    from mp2a.plot import latency_figure
 
-    return plot.latency(results.load(options.file), out)
+    return latency_figure(results.load(options.file))
 
 
-def _simulated(options: argparse.Namespace, out: Path) -> Path:
-    from mp2a import plot
+def _simulated(options: argparse.Namespace) -> "Figure":
     from mp2a.bench import simulated
+    from mp2a.plot import simulated_figure
 
-    return plot.simulated(simulated.load(options.file), out, period=options.period)
+    return simulated_figure(simulated.load(options.file), options.period)
 
 
-def _timeline(options: argparse.Namespace, out: Path) -> Path:
+def _timeline(options: argparse.Namespace) -> "Figure":
     import json
 
-    from mp2a import plot
+    from mp2a.plot import timeline_figure
 
     try:
         trace = json.loads(options.file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"file: {options.file} cannot be read as a trace ({error})") from error
-    return plot.timeline(trace, out)
+    return timeline_figure(trace)
 
 
-def _recorded(options: argparse.Namespace, out: Path) -> Path:
-    from mp2a import plot
-    from mp2a.simulator.recording import Recording
+def _march(options: argparse.Namespace) -> "Figure":
+    from mp2a.plot import march_figure
+    from mp2a.simulator import load_recording
 
-    draw = {"march": plot.march, "speeds": plot.speeds, "animation": plot.animation}[options.picture]
-    return draw(Recording.load(options.file), out)
+    return march_figure(load_recording(options.file))
 
 
-_PICTURES: dict[str, Callable[[argparse.Namespace, Path], Path]] = {
+def _speeds(options: argparse.Namespace) -> "Figure":
+    from mp2a.plot import speeds_figure
+    from mp2a.simulator import load_recording
+
+    return speeds_figure(load_recording(options.file))
+
+
+_FIGURES: "dict[str, Callable[[argparse.Namespace], Figure]]" = {
     "time": _time,
     "speedup": _speedup,
     "latency": _latency,
     "simulated": _simulated,
     "timeline": _timeline,
-    "march": _recorded,
-    "speeds": _recorded,
-    "animation": _recorded,
+    "march": _march,
+    "speeds": _speeds,
 }
+"""What is drawn. A new picture is a line here."""

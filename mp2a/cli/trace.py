@@ -25,31 +25,29 @@ def add(commands: Any) -> None:
 
 
 def _trace(options: argparse.Namespace) -> None:
+    from mp2a import files
+
     if under_mpi():
         if options.ranks is not None:
             raise InputError("--ranks: given under mpirun, expected one or the other")
-        as_rank(_trace_here, options)
-        return
-    from mp2a.bench.sweep import child
+        trace = as_rank(_trace_here, options)
+    else:
+        from mp2a.bench.campaign import run_ranks
 
-    arguments = ["trace", "--samples", options.samples, "--seed", options.seed, "--method", options.method]
-    with progress(options.quiet) as say:
-        trace = child([str(word) for word in arguments], options.ranks or 8, say)
-    _keep(trace, options)
-
-
-def _trace_here(options: argparse.Namespace) -> None:
-    """Trace as one rank of a running mpirun."""
-    from mp2a.bench.timeline import record
-
-    trace = record(options.samples, options.seed, options.method)
+        files.check_writable(options.out)
+        arguments = ["trace", "--samples", options.samples, "--seed", options.seed, "--method", options.method]
+        with progress(options.quiet) as say:
+            trace = run_ranks([str(word) for word in arguments], options.ranks or 8, say)
     if trace is not None:
-        _keep(trace, options)
+        from mp2a.bench.results import write_json
+
+        write_json(options.out, trace)
+        if not options.quiet:
+            print(options.out)
 
 
-def _keep(trace: dict[str, Any], options: argparse.Namespace) -> None:
-    from mp2a.bench import results
+def _trace_here(options: argparse.Namespace) -> dict[str, Any] | None:
+    """Trace as one rank of a running mpirun."""
+    from mp2a.bench.timeline import trace_call
 
-    results.write(options.out, trace)
-    if not options.quiet:
-        print(options.out)
+    return trace_call(options.samples, options.seed, options.method)

@@ -1,73 +1,78 @@
-"""What robots tell each other in a tick: the scan, and a word to those behind; here with all robots in one process.
+"""What robots tell each other in a tick: the scan, a word to those behind, and a word of the leader to all.
 
-`mp2a.formation.ranks` has the same for a robot a rank. Either serves arrays of the m robots of its process, m = n or 1.
+Either exchange serves arrays of the m robots of its process: all n in one process, or one a rank.
 """
 
-from typing import NamedTuple, Protocol
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mp2a.dynamics import rnea
-from mp2a.exceptions import InputError
-from mp2a.formation.plane import Motion, coordinates
 from mp2a.model import Model
-from mp2a.results import InverseDynamics
+from mp2a.results import InverseDynamics, Placement
+from mp2a.se2 import PlanarMotion
 from mp2a.spatial import Array
 
+if TYPE_CHECKING:
+    from mp2a.distributed import DistributedModel
 
-class Bodies(NamedTuple):
+
+class PlanarDynamics(NamedTuple):
     """What inverse dynamics of T samples says of the m robots of this process."""
 
-    motion: Motion
+    motion: PlanarMotion
     """In the ground frame, ``(T, m, 3)`` each."""
     force: Array
     """F that the virtual joint passes to the robot, in its frame, ``(T, m, 3)``, N, N, N m (paper, eq. 6)."""
 
 
-class Scan(NamedTuple):
-    """What the scan of a march tells the m robots of this process."""
-
-    motion: Motion
-    """In the ground frame, ``(m, 3)`` each."""
-    force: Array
-    """F that the virtual joint passes to the robot, in its frame, ``(m, 3)``, N, N, N m (paper, eq. 6)."""
-    obstacles: Array
-    """What obstacles press on the joint with, own and those of all robots behind, in the robot's frame, ``(m, 3)``."""
+Run: TypeAlias = Callable[[PlanarMotion, Array], PlanarDynamics]
+"""`Exchange.run`, or what `Exchange.together` makes of it."""
+Broadcast: TypeAlias = Callable[[Array], Array]
+"""`Exchange.broadcast`, or what `Exchange.together` makes of it."""
+Call = TypeVar("Call", bound=Callable[..., Any])
 
 
 class Exchange(Protocol):
-    """How the robots of this process reach the others."""
+    """How the robots of this process reach the others. All methods are collective."""
 
     robots: NDArray[np.intp]
     """Numbers of the robots of this process, ``(m,)``."""
 
     def send_to_children(self, values: Array) -> Array:
-        """Tell each robot's values ``(m, k)`` to those that hang on it; what own parents told, the leader's own 0."""
+        """Send each robot's values ``(m, k)`` to its children, and return those of its parent; zeros to the leader."""
         ...
 
-    def run(self, joints: Motion, external: Array, wrong: InputError | None) -> Bodies:
-        """Inverse dynamics of all robots for T samples in the same messages; collective.
+    def broadcast(self, values: Array) -> Array:
+        """Return the values ``(k,)`` of the leader's process in every process; others give any k numbers."""
+        ...
+
+    def run(self, joints: PlanarMotion, external: Array) -> PlanarDynamics:
+        """Run inverse dynamics of all robots for T samples in the same messages.
 
         Parameters
         ----------
         joints
-            Of the robots here, ``(T, m, 3)`` each; T is the same in every process.
+            Those of the robots here, ``(T, m, 3)`` each; T is the same in every process.
         external
             ``(T, m, 3)`` forces at their centres of mass, in their frames, N, N, N m.
-        wrong
-            An error found here that every process is to raise.
+        """
+        ...
 
-        Raises
-        ------
-        InputError
-            In every process, if there is one in any.
+    def together(self, call: Call) -> AbstractContextManager[Call]:
+        """Return a context that gives a method of this exchange, to be called once in it.
+
+        What is raised in the context before the call, in any process, is raised in all that make the call.
         """
         ...
 
 
-class OneProcess:
-    """All n robots here.
+class LocalExchange:
+    """All n robots in this process.
 
     Parameters
     ----------
@@ -86,42 +91,101 @@ class OneProcess:
         """Look the parents' values up."""
         return np.where(self.model.parents[:, None] < 0, 0.0, values[self.model.parents])
 
-    def run(self, joints: Motion, external: Array, wrong: InputError | None) -> Bodies:
+    def broadcast(self, values: Array) -> Array:
+        """Return the values, which are the leader's."""
+        return values
+
+    def run(self, joints: PlanarMotion, external: Array) -> PlanarDynamics:
         """Run the scan with all robots in this process."""
-        if wrong is not None:
-            raise wrong
-        q, v, a, forces = state(joints, external)
-        flat = (len(q), -1)
-        q = q.reshape(flat)
-        done = rnea(self.model, q, v.reshape(flat), a.reshape(flat), forces, method=self.method, bodies=True)
-        return bodies(done)
+        q, v, a, forces = _joint_state(joints, external)
+        samples = len(q)
+        q, v, a = (x.reshape(samples, -1) for x in (q, v, a))
+        return _in_the_plane(rnea(self.model, q, v, a, forces, method=self.method, bodies=True))
+
+    def together(self, call: Call) -> AbstractContextManager[Call]:
+        """Return the call itself: an error here is nobody else's."""
+        return nullcontext(call)
 
 
-def scan(exchange: Exchange, joints: Motion, external: Array, wrong: InputError | None) -> Scan:
-    """Inverse dynamics of a march for joints ``(m, 3)`` and obstacles' forces ``(m, 3)``; collective.
+class MPIExchange:
+    """One robot a rank.
+
+    Parameters
+    ----------
+    ranks
+        The formation's model over the communicator.
+    """
+
+    def __init__(self, ranks: "DistributedModel") -> None:
+        self.ranks = ranks
+        self.robots = np.array([ranks.bodies.start])
+
+    def send_to_children(self, values: Array) -> Array:
+        """Send the values to the children's ranks, and receive from the parent's."""
+        return self.ranks.send_to_children(values[0])[None]
+
+    def broadcast(self, values: Array) -> Array:
+        """Send the first rank's values along the chain."""
+        return self.ranks.broadcast(values)
+
+    def run(self, joints: PlanarMotion, external: Array) -> PlanarDynamics:
+        """Run this rank's part of the scan."""
+        return _on_this_rank(self.ranks.rnea, joints, external)
+
+    @contextmanager
+    def together(self, call: Call) -> Iterator[Call]:
+        """Share an error of any rank before `run` or `broadcast` with all."""
+        if call == self.broadcast:
+            with self.ranks.together(self.ranks.broadcast) as shared:
+                yield cast("Call", shared)
+        else:
+            with self.ranks.together(self.ranks.rnea) as shared:
+                yield cast("Call", partial(_on_this_rank, shared))
+
+
+class FormationScan(NamedTuple):
+    """What the scan tells the m robots of this process."""
+
+    motion: PlanarMotion
+    """In the ground frame, ``(m, 3)`` each."""
+    force: Array
+    """F that the virtual joint passes to the robot, in its frame, ``(m, 3)``, N, N, N m (paper, eq. 6)."""
+    obstacles: Array
+    """What obstacles press on the joint with, own and those of all robots behind, in the robot's frame, ``(m, 3)``."""
+
+
+def scan(run: Run, joints: PlanarMotion, external: Array) -> FormationScan:
+    """Run inverse dynamics for joints ``(m, 3)`` and obstacles' forces ``(m, 3)``; collective.
 
     Two samples: the motion with all forces, and the same places at rest with the obstacles' forces alone.
     """
-    still = np.zeros_like(joints.velocity)
-    both = (np.stack(pair) for pair in ((joints.pose,) * 2, (joints.velocity, still), (joints.rate, still)))
-    done = exchange.run(Motion(*both), np.stack((external, external)), wrong)
+    pairs = zip(joints, PlanarMotion.at_rest(joints.pose), strict=True)
+    result = run(PlanarMotion(*map(np.stack, pairs)), np.stack((external, external)))
     # At rest a joint bears what the obstacles press with, and the weight, which has no part in the plane.
-    return Scan(Motion(*(x[0] for x in done.motion)), done.force[0], -done.force[1])
+    return FormationScan(PlanarMotion(*(x[0] for x in result.motion)), result.force[0], -result.force[1])
 
 
-def state(joints: Motion, external: Array) -> tuple[Array, Array, Array, Array]:
-    """Coordinates ``(T, m, 4)``, velocities, accelerations ``(T, m, 3)`` and spatial forces ``(T, m, 6)``."""
+def _joint_state(joints: PlanarMotion, external: Array) -> tuple[Array, Array, Array, Array]:
+    """Return coordinates ``(T, m, 4)``, velocities, accelerations ``(T, m, 3)`` and spatial forces ``(T, m, 6)``."""
     force = np.zeros((*external.shape[:-1], 6))
     force[..., 2:5] = external[..., [2, 0, 1]]
-    return coordinates(joints), joints.velocity, joints.rate, force
+    return joints.coordinates(), joints.velocity, joints.rate, force
 
 
-def bodies(done: InverseDynamics) -> Bodies:
-    """Plane motion and forces from spatial vectors ``(T, m, 6)`` and placements ``(T, m, …)``."""
-    rotation, position = done.placement
-    velocity, acceleration = done.velocity[..., [3, 4, 2]], done.acceleration[..., [3, 4, 2]]
+def _on_this_rank(call: Callable[..., InverseDynamics], joints: PlanarMotion, external: Array) -> PlanarDynamics:
+    result = call(*(x[:, 0] for x in _joint_state(joints, external)), bodies=True)
+    velocity, acceleration, force = (x[:, None] for x in (result.velocity, result.acceleration, result.force))
+    placement = Placement(*(x[:, None] for x in result.placement))
+    return _in_the_plane(InverseDynamics(velocity, acceleration, force, result.torque, placement))
+
+
+def _in_the_plane(result: InverseDynamics) -> PlanarDynamics:
+    """Return plane motion and forces from spatial vectors ``(T, m, 6)`` and placements ``(T, m, …)``."""
+    rotation, position = result.placement
+    velocity, acceleration = result.velocity[..., [3, 4, 2]], result.acceleration[..., [3, 4, 2]]
     # The classical acceleration of the origin less what its velocity turns with the frame.
     across = np.stack((velocity[..., 1], -velocity[..., 0], np.zeros_like(velocity[..., 0])), axis=-1)
     heading = np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0])
     pose = np.concatenate((position[..., :2], heading[..., None]), axis=-1)
-    return Bodies(Motion(pose, velocity, acceleration + velocity[..., 2:] * across), done.force[..., [3, 4, 2]])
+    motion = PlanarMotion(pose, velocity, acceleration + velocity[..., 2:] * across)
+    return PlanarDynamics(motion, result.force[..., [3, 4, 2]])

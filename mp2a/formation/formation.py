@@ -40,11 +40,11 @@ class Formation:
 
     def __post_init__(self) -> None:
         n = len(array("parents", self.layout.parents, (None,), whole=True))
-        places = array("places", self.layout.places, (n, 3))
+        slots = array("slots", self.layout.slots, (n, 3))
         if (self.layout.parents[1:] < 0).any() or self.layout.parents[0] != -1:
             raise InputError(f"parents: got {self.layout.parents.tolist()}, expected -1 for robot 0 and for no other")
-        if self.layout.follows and not (np.hypot(places[1:, 0], places[1:, 1]) > 0).all():
-            raise InputError("places: got a follower at no distance from its leader, expected a positive distance")
+        if self.layout.follows and not (np.hypot(slots[1:, 0], slots[1:, 1]) > 0).all():
+            raise InputError("slots: got a follower at no distance from its leader, expected a positive distance")
         for name in ("masses", "inertias"):
             values = array(name, getattr(self, name), (n,))
             if (values < 0).any():
@@ -74,12 +74,12 @@ class Formation:
         InputError
             If there is no such shape, or a number is not what it has to be.
         """
-        places = named(shape, robots, spacing)
+        layout = named(shape, robots, spacing)
         values = []
         for name, value in (("mass", mass), ("inertia", inertia)):
-            given = np.asarray(value)
-            values.append(array(name, np.full(robots, value) if given.ndim == 0 else given, (robots,)))
-        return cls(places, *values)
+            numbers = np.asarray(value)
+            values.append(array(name, np.full(robots, value) if numbers.ndim == 0 else numbers, (robots,)))
+        return cls(layout, *values)
 
     def __len__(self) -> int:
         return len(self.masses)
@@ -104,6 +104,6 @@ class Formation:
 
     @property
     def spacings(self) -> Array:
-        """Distance of each place from the parent, ``(n,)``, m; of the leader zero."""
-        out: Array = np.hypot(self.layout.places[:, 0], self.layout.places[:, 1])
+        """Distance of each slot from the parent, ``(n,)``, m; of the leader zero."""
+        out: Array = np.hypot(self.layout.slots[:, 0], self.layout.slots[:, 1])
         return out

@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mp2a.exceptions import InputError
-from mp2a.formation.plane import Complex
+from mp2a.formation.vectors import Complex
 from mp2a.spatial import Array
 
 _TIE = 1e-6
@@ -86,7 +86,7 @@ class ObstacleLaw:
 
 
 def push(law: ObstacleLaw, points: Complex, robot: NDArray[np.intp], aside: Array) -> Complex:
-    """Force on each robot of what it senses.
+    """Return the force on each robot of what it senses.
 
     Parameters
     ----------
@@ -120,9 +120,10 @@ def push(law: ObstacleLaw, points: Complex, robot: NDArray[np.intp], aside: Arra
 
 
 def _sides(law: ObstacleLaw, points: Complex, robot: NDArray[np.intp], level: Array) -> NDArray[np.bool_]:
-    """Which points count as on the left: those of an obstacle across the path all on the side that has more of it.
+    """Return which points count as on the left.
 
-    Points in the order in which a robot sees them are one obstacle until there is a gap that the robot fits through.
+    Those of an obstacle across the path all count as on the side that has more of it. Points in the order in which a
+    robot sees them are one obstacle until there is a gap that the robot fits through.
     """
     left: NDArray[np.bool_] = points.imag > _TIE
     near = np.flatnonzero(level > 0)
@@ -139,7 +140,7 @@ def _sides(law: ObstacleLaw, points: Complex, robot: NDArray[np.intp], level: Ar
 
 
 def eq14(law: ObstacleLaw, level: Array, ray: Complex, aside: Array) -> Complex:
-    """Eq. 14 as printed, in the path's axes.
+    """Return eq. 14 as printed, in the path's axes.
 
     Parameters
     ----------

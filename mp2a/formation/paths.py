@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike
 
 from mp2a.checks import array
 from mp2a.exceptions import InputError
-from mp2a.formation.plane import Complex, Motion
-from mp2a.formation.speed import Limits, Profile, profile
+from mp2a.formation.speed import Limits, SpeedProfile, profile
+from mp2a.formation.vectors import Complex, as_complex
+from mp2a.se2 import PlanarMotion, compose, exp
 from mp2a.spatial import Array
 
 _KNOT = 0.05
@@ -24,7 +25,7 @@ _KNOT = 0.05
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
-class Place(NamedTuple):
+class PathPoint(NamedTuple):
     """A curve at an arc length."""
 
     position: complex
@@ -44,13 +45,13 @@ class Path:
     Attributes
     ----------
     curve
-        Arc length in m to `Place`.
+        From arc length in m to a point of the path.
     profile
         Speeds.
     """
 
-    curve: Callable[[float], Place]
-    profile: Profile
+    curve: Callable[[float], PathPoint]
+    profile: SpeedProfile
 
     @property
     def length(self) -> float:
@@ -62,12 +63,12 @@ class Path:
         """From start to end, s."""
         return float(self.profile.time[-1])
 
-    def at(self, time: float) -> Motion:
-        """Motion at a time in s: pose, velocity and rate, ``(3,)`` each; before the start and after the end at rest."""
+    def at(self, time: float) -> PlanarMotion:
+        """Return the motion ``(3,)`` at a time in s; before the start and after the end at rest."""
         arc, speed, acceleration = self.profile.at(time)
         place = self.curve(arc)
         turning = place.bending * speed**2 + place.curvature * acceleration
-        return Motion(
+        return PlanarMotion(
             np.array([place.position.real, place.position.imag, place.heading]),
             np.array([speed, 0.0, place.curvature * speed]),
             np.array([acceleration, 0.0, turning]),
@@ -131,7 +132,7 @@ def lines_and_arcs(pieces: Sequence[Line | Arc], start: ArrayLike = (0, 0, 0), l
         starts.append((arc + piece.length, ahead.position, ahead.heading))
     ends = np.array([arc for arc, _, _ in starts])
 
-    def curve(arc: float) -> Place:
+    def curve(arc: float) -> PathPoint:
         i = min(int(np.searchsorted(ends, arc, side="right")) - 1, len(pieces) - 1)
         before, position, heading = starts[i]
         return _along(pieces[i], arc - before, position, heading)
@@ -218,7 +219,7 @@ def spline(points: ArrayLike, limits: Limits | None = None) -> Path:
     grid = np.unique(np.concatenate((np.linspace(0, knots[-1], count), knots)))
     arc = np.append(0.0, np.cumsum(_lengths(grid, derivatives)))
 
-    def curve(length: float) -> Place:
+    def curve(length: float) -> PathPoint:
         at = np.array(np.interp(length, arc, grid))
         for _ in range(3):  # Newton: the interpolated parameter's arc length against the one wanted
             i = int(np.clip(np.searchsorted(grid, at, side="right") - 1, 0, len(grid) - 2))
@@ -229,7 +230,7 @@ def spline(points: ArrayLike, limits: Limits | None = None) -> Path:
         # By arc length: d(heading)/ds = Im(z''/z')/|z'| and once more.
         curvature = ratio.imag / scale
         bending = (third / first - ratio**2).imag / scale**2 - ratio.imag * ratio.real / scale**2
-        return Place(value, float(np.angle(first)), curvature, bending)
+        return PathPoint(value, float(np.angle(first)), curvature, bending)
 
     def curvature(at: Array) -> Array:
         _, first, second, _ = derivatives(at)
@@ -241,21 +242,20 @@ def spline(points: ArrayLike, limits: Limits | None = None) -> Path:
     return Path(curve, profile(arc, curvature(inside).max(1) * (1 + 1e-3), limits or Limits()))
 
 
-def _along(piece: Line | Arc, length: float, position: complex, heading: float) -> Place:
-    turn = piece.curvature * length
-    # A circle's chord is its arc times sinc of half the turn, in the direction half way round.
-    chord = length * np.sinc(turn / 2 / np.pi) * np.exp(1j * (heading + turn / 2))
-    return Place(position + complex(chord), heading + turn, piece.curvature, 0.0)
+def _along(piece: Line | Arc, length: float, position: complex, heading: float) -> PathPoint:
+    start = position.real, position.imag, heading
+    x, y, direction = compose(start, exp((length, 0.0, piece.curvature * length))).tolist()
+    return PathPoint(complex(x, y), direction, piece.curvature, 0.0)
 
 
 def _points(points: ArrayLike) -> Complex:
-    given = array("points", points, (None, 2))
-    if len(given) < 2:
-        raise InputError(f"points: got {len(given)}, expected at least two")
-    out = given[:, 0] + 1j * given[:, 1]
+    rows = array("points", points, (None, 2))
+    if len(rows) < 2:
+        raise InputError(f"points: got {len(rows)}, expected at least two")
+    out = as_complex(rows)
     same = np.flatnonzero(np.abs(np.diff(out)) < 1e-9)
     if same.size:
-        raise InputError(f"points: got {given[same[0]].tolist()} twice in sequence, expected different points")
+        raise InputError(f"points: got {rows[same[0]].tolist()} twice in sequence, expected different points")
     return out
 
 

@@ -1,4 +1,4 @@
-"""A whole march, and what is kept of it."""
+"""A whole march by dynamics, and what is kept of it."""
 
 import json
 from pathlib import Path
@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mp2a.exceptions import InputError
-from mp2a.formation.march import March
-from mp2a.formation.setpoints import Setpoints
+from mp2a.files import atomic_write
+from mp2a.formation.controller import FormationController, Setpoints
 from mp2a.spatial import Array
 
 _FORMAT = 1
 
 
-class Record(NamedTuple):
-    """What T ticks of a march were, for the m robots of a process or all n; ground frame unless said otherwise."""
+class FormationRecord(NamedTuple):
+    """What T ticks were, for the m robots of a process or all n; ground frame unless said otherwise."""
 
     time: Array
     """``(T,)``, s"""
@@ -31,49 +31,41 @@ class Record(NamedTuple):
     force: Array
     """Force and torque that the virtual joint passes to the robot, in its frame, ``(T, m, 3)``, N, N, N m"""
     displacement: Array
-    """Of the virtual joint at the end of the tick, in the axes of its place, ``(T, m, 3)``, m, m, rad"""
+    """Of the virtual joint at the end of the tick, in the axes of its slot, ``(T, m, 3)``, m, m, rad"""
     failed: NDArray[np.bool_]
     """``(T, m)``"""
 
 
-def row(time: float, march: March, setpoints: Setpoints) -> tuple[Any, ...]:
-    """Take what is kept of a step that has just been made: a row of a `Record`."""
-    report = march.report
+def row(time: float, controller: FormationController, setpoints: Setpoints) -> tuple[Any, ...]:
+    """Return what is kept of a step that has just been made: a row of a `FormationRecord`."""
+    report = controller.report
     assert report is not None
     return (
         time, setpoints.pose, setpoints.twist, report.scan.motion.velocity, report.push, report.scan.force,
-        march.state.displacement.value, setpoints.failed,
+        controller.state.displacement.value, setpoints.failed,
     )  # fmt: skip
 
 
-def together(parts: list[Record]) -> Record:
+def join(parts: list[FormationRecord]) -> FormationRecord:
     """Join the records of all processes, in the order of the robots."""
     columns = list(zip(*parts, strict=True))
-    return Record(columns[0][0], *(np.concatenate(column, axis=1) for column in columns[1:]))
+    return FormationRecord(columns[0][0], *(np.concatenate(column, axis=1) for column in columns[1:]))
 
 
-def save(path: Path, record: Record, about: dict[str, Any]) -> None:
-    """Write a record and what it is about: JSON, or numpy's format for a name that ends in ``.npz``.
+def save(path: Path, record: FormationRecord, about: dict[str, Any]) -> None:
+    """Write a record and what it is about as ``.npz``, whole or not at all.
 
     Raises
     ------
-    InputError
+    OutputError
         If the file cannot be written.
     """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.suffix == ".npz":
-            about_text = json.dumps({"format": _FORMAT, **about})
-            with path.open("wb") as file:
-                np.savez_compressed(file, about=np.array(about_text), **record._asdict())
-        else:
-            arrays = {name: np.asarray(value).tolist() for name, value in record._asdict().items()}
-            path.write_text(json.dumps({"format": _FORMAT, "about": about, **arrays}) + "\n")
-    except OSError as error:
-        raise InputError(f"out: {path} cannot be written ({error.strerror})") from error
+    text = json.dumps({"format": _FORMAT, **about})
+    with atomic_write(path) as new, new.open("wb") as file:
+        np.savez_compressed(file, about=np.array(text), **record._asdict())
 
 
-def load(path: Path) -> tuple[Record, dict[str, Any]]:
+def load(path: Path) -> tuple[FormationRecord, dict[str, Any]]:
     """Read what `save` wrote.
 
     Raises
@@ -82,16 +74,12 @@ def load(path: Path) -> tuple[Record, dict[str, Any]]:
         If the file cannot be read or holds no march.
     """
     try:
-        if path.suffix == ".npz":
-            with np.load(path, allow_pickle=False) as file:
-                data = {name: file[name] for name in file.files}
-            about = json.loads(str(data.pop("about")))
-            version = about.pop("format")
-        else:
-            data = json.loads(path.read_text())
-            about, version = data.pop("about"), data.pop("format")
+        with np.load(path, allow_pickle=False) as file:
+            data = {name: file[name] for name in file.files}
+        about = json.loads(str(data.pop("about")))
+        version = about.pop("format")
         if version != _FORMAT:
             raise ValueError(f"format {version}")
-        return Record(**{name: np.array(value) for name, value in data.items()}), about
+        return FormationRecord(**data), about
     except Exception as error:  # damaged files raise a dozen kinds
         raise InputError(f"path: {path} cannot be read as a march ({error})") from error

@@ -6,12 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mp2a.checks import array
+from mp2a.checks import array, numbers
 from mp2a.exceptions import InputError
+from mp2a.se2 import rotate
 from mp2a.spatial import Array
 
 
-class Sensed(NamedTuple):
+class SensedPoints(NamedTuple):
     """What the sensors of the m robots of this process have said since the last tick."""
 
     points: Array
@@ -22,24 +23,38 @@ class Sensed(NamedTuple):
     """``(m,)``: whether the sensor said anything; no points from one that did means that nothing is near"""
 
 
-def pack(points: Sequence[ArrayLike | None]) -> Sensed:
+def pack(points: Sequence[ArrayLike | None], robots: int | None = None, *, finite: bool = True) -> SensedPoints:
     """Pack one array ``(k, 2)`` a robot; None for a sensor that has said nothing.
+
+    Parameters
+    ----------
+    points
+        m, each in the frame of the robot that sensed it.
+    robots
+        How many there have to be; None: any number.
+    finite
+        Whether other numbers are refused; a LIDAR may have some where it sees nothing.
 
     Raises
     ------
     InputError
-        If one of them is not ``(k, 2)`` finite numbers.
+        If one of them is not ``(k, 2)`` numbers, or there is not one entry a robot.
     """
-    clouds = [
-        np.empty((0, 2)) if cloud is None or np.size(cloud) == 0 else array(f"points of robot {i}", cloud, (None, 2))
-        for i, cloud in enumerate(points)
-    ]
+    if robots is not None and len(points) != robots:
+        raise InputError(f"points: got {len(points)} entries, expected {robots}, one a robot (None: no new data)")
+    clouds = []
+    for i, cloud in enumerate(points):
+        rows = np.empty((0, 2)) if cloud is None else numbers(f"points[{i}]", cloud)
+        rows = rows.reshape(-1, 2) if rows.size == 0 else rows
+        if rows.ndim != 2 or rows.shape[1] != 2:
+            raise InputError(f"points[{i}]: got shape {rows.shape}, expected (k, 2)")
+        clouds.append(array(f"points[{i}]", rows, (None, 2)) if finite else rows)
     owners = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
     heard = np.array([cloud is not None for cloud in points], dtype=bool)
-    return Sensed(np.concatenate(clouds) if clouds else np.empty((0, 2)), owners, heard)
+    return SensedPoints(np.concatenate(clouds) if clouds else np.empty((0, 2)), owners, heard)
 
 
-def check(sensed: Sensed, robots: int) -> Sensed:
+def check(sensed: SensedPoints, robots: int) -> SensedPoints:
     """Check packed points for a number of robots.
 
     Raises
@@ -52,12 +67,12 @@ def check(sensed: Sensed, robots: int) -> Sensed:
     if len(owners) and not 0 <= owners.min() <= owners.max() < robots:
         raise InputError(f"robot: got {owners.min()} to {owners.max()}, expected numbers from 0 to {robots - 1}")
     heard = array("heard", sensed.heard, (robots,)).astype(bool)
-    return Sensed(points, owners, heard)
+    return SensedPoints(points, owners, heard)
 
 
-def nothing(robots: int) -> Sensed:
-    """Sensors that see nothing."""
-    return Sensed(np.empty((0, 2)), np.empty(0, dtype=np.intp), np.ones(robots, dtype=bool))
+def nothing(robots: int) -> SensedPoints:
+    """Return what sensors say that see nothing."""
+    return SensedPoints(np.empty((0, 2)), np.empty(0, dtype=np.intp), np.ones(robots, dtype=bool))
 
 
 _INSIDE = 1e-3
@@ -81,25 +96,25 @@ class Discs:
     """
 
     def __init__(self, discs: ArrayLike = (), reach: float = 5.0) -> None:
-        given = np.asarray(discs)
-        self.discs = array("discs", np.empty((0, 3)) if given.size == 0 else given, (None, 3))
+        rows = np.asarray(discs)
+        self.discs = array("discs", np.empty((0, 3)) if rows.size == 0 else rows, (None, 3))
         if (self.discs[:, 2] < 0).any():
             raise InputError(f"discs: got a radius of {self.discs[:, 2].min()}, expected none below zero")
         self.reach = reach
 
-    def sense(self, poses: Array) -> Sensed:
-        """Nearest points of the discs in reach of robots at ``(m, 3)`` poses."""
-        ahead = self.discs[:, 0] + 1j * self.discs[:, 1] - (poses[:, 0] + 1j * poses[:, 1])[:, None]
-        distance = np.abs(ahead)
+    def sense(self, poses: Array) -> SensedPoints:
+        """Return the nearest points of the discs in reach of robots at ``(m, 3)`` poses."""
+        ahead = self.discs[:, :2] - poses[:, None, :2]
+        distance = np.hypot(*np.moveaxis(ahead, -1, 0))
         robot, disc = np.nonzero(distance - self.discs[:, 2] < self.reach)
-        far = distance[robot, disc]
+        far = distance[robot, disc][:, None]
         # Within a disc its edge would push a robot to the middle; it feels what is next to it on the middle's side.
-        towards = np.where(far > 0, ahead[robot, disc] / np.where(far > 0, far, 1.0), 1.0)
-        at = towards * np.maximum(far - self.discs[disc, 2], _INSIDE) * np.exp(-1j * poses[robot, 2])
-        return Sensed(np.stack((at.real, at.imag), axis=-1), robot, np.ones(len(poses), dtype=bool))
+        towards = np.where(far > 0, ahead[robot, disc] / np.where(far > 0, far, 1.0), (1.0, 0.0))
+        points = rotate(-poses[robot, 2], towards * np.maximum(far - self.discs[disc, 2:], _INSIDE))
+        return SensedPoints(points, robot, np.ones(len(poses), dtype=bool))
 
     def clearance(self, poses: Array) -> Array:
-        """Distance of each of ``(..., 3)`` poses from the nearest disc's edge, ``(...,)``, m; inside it negative."""
-        ahead = (self.discs[:, 0] + 1j * self.discs[:, 1]) - (poses[..., 0] + 1j * poses[..., 1])[..., None]
-        out: Array = np.min(np.abs(ahead) - self.discs[:, 2], axis=-1, initial=np.inf)
+        """Return the distance of ``(..., 3)`` poses from the nearest disc's edge, ``(...,)``, m; inside it negative."""
+        distance = np.hypot(*np.moveaxis(self.discs[:, :2] - poses[..., None, :2], -1, 0))
+        out: Array = np.min(distance - self.discs[:, 2], axis=-1, initial=np.inf)
         return out

@@ -8,34 +8,34 @@ from numpy.typing import NDArray
 
 from mp2a.checks import count
 from mp2a.exceptions import InputError
+from mp2a.formation.vectors import as_complex
+from mp2a.se2 import compose
 from mp2a.spatial import Array
 
 
 class Layout(NamedTuple):
-    """Places of robots relative to those they hang on. Robot 0 leads and hangs on the ground."""
+    """The slots of robots relative to those they hang on. Robot 0 leads and hangs on the ground."""
 
     parents: NDArray[np.intp]
     """``(n,)``; -1 for the leader"""
-    places: Array
+    slots: Array
     """``(n, 3)``: x m, y m, heading rad in the parent's frame; of the leader, zeros"""
     follows: bool
-    """Whether a robot follows the way its parent went, at the distance of its place, and not its place itself."""
+    """Whether a robot follows the way its parent went, at the distance of its slot, and not the slot itself."""
 
     def poses(self, start: Array) -> Array:
-        """Poses ``(n, 3)`` of all robots at the beginning, the leader's at ``start`` ``(3,)``."""
+        """Return the poses ``(n, 3)`` of all robots if the leader is at ``start`` ``(3,)``."""
         out = np.empty((len(self.parents), 3))
         for i, parent in enumerate(self.parents):
-            x, y, heading = start if parent < 0 else out[parent]
-            ahead = (x + 1j * y) + np.exp(1j * heading) * (self.places[i, 0] + 1j * self.places[i, 1])
-            out[i] = ahead.real, ahead.imag, heading + self.places[i, 2]
+            out[i] = compose(start if parent < 0 else out[parent], self.slots[i])
         return out
 
 
 def line(n: int, spacing: float) -> Layout:
     """Follow the leader: one behind the other, each on the way of the one before (paper, figures 1 and 11)."""
-    places = np.zeros((n, 3))
-    places[1:, 0] = -spacing
-    return Layout(np.arange(n) - 1, places, follows=True)
+    slots = np.zeros((n, 3))
+    slots[1:, 0] = -spacing
+    return Layout(np.arange(n) - 1, slots, follows=True)
 
 
 def column(n: int, spacing: float) -> Layout:
@@ -65,7 +65,7 @@ def square(n: int, spacing: float) -> Layout:
     front = row(width, spacing)
     k = np.arange(n)
     parents = np.where(k < width, np.resize(front.parents, n), k - width)
-    across = 1j * _absolute(front).imag
+    across = 1j * as_complex(front.poses(np.zeros(3))).imag
     return rigid(parents, np.resize(across, n) - spacing * (k // width))
 
 
@@ -119,7 +119,7 @@ def layout(shape: str, n: int, spacing: float) -> Layout:
 
 
 def rigid(parents: NDArray[np.intp], positions: NDArray[np.complexfloating]) -> Layout:
-    """Layout of robots that keep their places, all with the leader's heading.
+    """Return the layout of robots that keep their slots, all with the leader's heading.
 
     Parameters
     ----------
@@ -129,16 +129,14 @@ def rigid(parents: NDArray[np.intp], positions: NDArray[np.complexfloating]) -> 
         x + i y of each in the leader's frame, ``(n,)``, m.
     """
     relative = positions - np.where(parents >= 0, positions[parents], positions)
-    return Layout(parents, np.stack((relative.real, relative.imag, np.zeros(len(parents))), axis=-1), follows=False)
+    return Layout(
+        parents,
+        np.column_stack((np.stack((relative.real, relative.imag), axis=-1), np.zeros(len(parents)))),
+        follows=False,
+    )
 
 
-def centre(places: Layout) -> Array:
-    """Middle of a shape in the leader's frame, ``(2,)``, m: where the box is."""
-    middle = _absolute(places).mean()
-    return np.array([middle.real, middle.imag])
-
-
-def _absolute(places: Layout) -> NDArray[np.complex128]:
-    poses = places.poses(np.zeros(3))
-    out: NDArray[np.complex128] = poses[:, 0] + 1j * poses[:, 1]
+def centre(layout: Layout) -> Array:
+    """Return the middle of a shape in the leader's frame, ``(2,)``, m: where the box is."""
+    out: Array = layout.poses(np.zeros(3))[:, :2].mean(axis=0)
     return out

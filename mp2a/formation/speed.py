@@ -38,8 +38,8 @@ class Limits:
                 raise InputError(f"{name}: got {value!r}, expected a positive number")
 
 
-class Profile(NamedTuple):
-    """Motion along a path from rest to rest, with constant acceleration between knots ``(k,)``."""
+class SpeedProfile(NamedTuple):
+    """The motion along a path from rest to rest, with constant acceleration between knots ``(k,)``."""
 
     time: Array
     """s"""
@@ -49,7 +49,7 @@ class Profile(NamedTuple):
     """m/s"""
 
     def at(self, time: float) -> tuple[float, float, float]:
-        """Arc length m, speed m/s and acceleration m/s² at a time; at rest before the first knot and after the last."""
+        """Return arc length m, speed m/s and acceleration m/s² at a time; at rest before and after."""
         if not 0 <= time < self.time[-1]:
             return float(self.arc[0 if time < 0 else -1]), 0.0, 0.0
         i = int(np.searchsorted(self.time, time, side="right")) - 1
@@ -59,8 +59,8 @@ class Profile(NamedTuple):
         return float(self.arc[i]) + (float(self.speed[i]) + speed) / 2 * since, speed, acceleration
 
 
-def profile(arc: Array, curvature: Array, limits: Limits) -> Profile:
-    """Fastest motion within the limits that starts and ends at rest.
+def profile(arc: Array, curvature: Array, limits: Limits) -> SpeedProfile:
+    """Return the fastest motion within the limits that starts and ends at rest.
 
     Speed squared is linear in arc length where the acceleration is constant, so one pass forwards and one backwards
     over the knots find the largest speeds (Bobrow, Dubowsky and Gibson 1985, for a path with these limits).
@@ -85,4 +85,4 @@ def profile(arc: Array, curvature: Array, limits: Limits) -> Profile:
         square[i] = min(square[i], square[i + 1] + gain[i])
     speed = np.sqrt(square)
     time = np.append(0.0, np.cumsum(2 * np.diff(arc) / (speed[1:] + speed[:-1])))
-    return Profile(time, arc, speed)
+    return SpeedProfile(time, arc, speed)

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mp2a.exceptions import InputError
+from mp2a.se2 import PlanarMotion, rotate
 from mp2a.spatial import Array
 
 
@@ -68,15 +69,15 @@ class Springs:
 
 
 class Displacement(NamedTuple):
-    """δ of joints and its derivatives, ``(..., 3)`` each: m, m, rad."""
+    """The displacement δ of joints and its derivatives, ``(..., 3)`` each: m, m, rad."""
 
     value: Array
     rate: Array
     acceleration: Array
 
 
-class Step(NamedTuple):
-    """Exact solution of a tick: what the state before and the force contribute to the state after, ``(3,)`` each."""
+class SpringSolution(NamedTuple):
+    """The exact solution of a tick: what the state before contributes to the state after, ``(3,)`` each."""
 
     stay: Array
     """Value's part of the value."""
@@ -89,11 +90,11 @@ class Step(NamedTuple):
 
 
 def none(joints: int) -> Displacement:
-    """Undisplaced joints."""
+    """Return undisplaced joints."""
     return Displacement(*(np.zeros((joints, 3)) for _ in range(3)))
 
 
-def solve(springs: Springs, tick: float) -> Step:
+def solve(springs: Springs, tick: float) -> SpringSolution:
     """Solve the free motion over a tick in s; stiff and overdamped springs neither overflow nor ring."""
     rigid = np.isinf(springs.stiffnesses)
     frequency = np.sqrt(np.where(rigid, 1.0, springs.stiffnesses) / springs.masses)
@@ -107,11 +108,11 @@ def solve(springs: Springs, tick: float) -> Step:
     ratio = np.where(small, np.exp(-decay * tick) * (1 - angle**2 / 6).real, ((ahead - behind) / (2j * safe)).real)
     drift = ratio * tick
     step = (cosine + decay * drift, drift, -(frequency**2) * drift, cosine - decay * drift)
-    return Step(*(np.where(rigid, 0.0, part) for part in step))
+    return SpringSolution(*(np.where(rigid, 0.0, part) for part in step))
 
 
-def advance(springs: Springs, step: Step, before: Displacement, force: Array) -> Displacement:
-    """Displacement after a tick under a constant force.
+def advance(springs: Springs, step: SpringSolution, before: Displacement, force: Array) -> Displacement:
+    """Return the displacement after a tick under a constant force.
 
     Parameters
     ----------
@@ -138,21 +139,19 @@ def advance(springs: Springs, step: Step, before: Displacement, force: Array) ->
 
 
 def energy(springs: Springs, now: Displacement) -> Array:
-    """Kinetic energy and energy of the springs, ``(...,)`` a joint, J."""
+    """Return the kinetic energy and the energy of the springs, ``(...,)`` a joint, J."""
     stiffness = np.where(np.isinf(springs.stiffnesses), 0.0, springs.stiffnesses)
     out: Array = (springs.masses * now.rate**2 + stiffness * now.value**2).sum(-1) / 2
     return out
 
 
-def joint(now: Displacement) -> tuple[Array, Array, Array]:
-    """Pose, velocity and rate of displaced joints as `mp2a.formation.plane.Motion` has them, ``(..., 3)`` each."""
-    angle, spin = now.value[..., 2], now.rate[..., 2]
-    back = np.exp(-1j * angle)
-    velocity = back * (now.rate[..., 0] + 1j * now.rate[..., 1])
-    rate = back * (now.acceleration[..., 0] + 1j * now.acceleration[..., 1]) - 1j * spin * velocity
-    third = now.acceleration[..., 2]
-    return (
+def joint(now: Displacement) -> PlanarMotion:
+    """Return the motion of displaced joints, ``(..., 3)`` each, in their own axes."""
+    angle, spin = now.value[..., 2], now.rate[..., 2:]
+    velocity, pull = (rotate(-angle, x[..., :2]) for x in (now.rate, now.acceleration))
+    left = np.stack((-velocity[..., 1], velocity[..., 0]), axis=-1)
+    return PlanarMotion(
         now.value,
-        np.stack((velocity.real, velocity.imag, spin), axis=-1),
-        np.stack((rate.real, rate.imag, third), axis=-1),
+        np.concatenate((velocity, spin), axis=-1),
+        np.concatenate((pull - spin * left, now.acceleration[..., 2:]), axis=-1),
     )

@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mp2a.formation.odometry import into_frame
-from mp2a.formation.plane import point, turn, wrap
+from mp2a.se2 import relative, wrap
 from mp2a.spatial import Array
 
 _SLOW = 0.05
@@ -28,7 +27,7 @@ class Gains(NamedTuple):
 
 
 def commands(place: Array, velocity: Array, poses: Array, gains: Gains | None = None) -> Array:
-    """Speeds that take robots to their setpoints and along with them, before any limit.
+    """Return speeds that take robots to their setpoints and along with them, before any limit.
 
     A skid-steer robot cannot move sideways, so it heads where its place moves to, which in a bend of a wide formation
     is not where the formation heads. A robot whose place stands does not turn: what it is off to the side stays.
@@ -55,9 +54,9 @@ def commands(place: Array, velocity: Array, poses: Array, gains: Gains | None = 
     size = np.hypot(along, side)
     drift = np.where(size > _SLOW, np.arctan2(side * backwards, np.abs(along)), 0.0)
     speed = backwards * size * np.cos(np.where(size > _SLOW, 0.0, np.arctan2(side, np.abs(along))))
-    ahead, left = np.clip(into_frame(point(place), poses), -_FAR, _FAR).T
-    off = wrap(place[:, 2] + drift - poses[:, 2])
-    error = turn(off)
-    linear = speed * error.real + k.along * ahead
-    angular = velocity[:, 2] + speed * (k.across * left + k.heading * error.imag)
+    ahead, left, off = relative(poses, place).T
+    ahead, left = np.clip((ahead, left), -_FAR, _FAR)
+    off = wrap(off + drift)
+    linear = speed * np.cos(off) + k.along * ahead
+    angular = velocity[:, 2] + speed * (k.across * left + k.heading * np.sin(off))
     return np.stack((linear, angular), axis=-1)

@@ -23,7 +23,7 @@ _WORTH_A_THREAD = 5_000
 _FEWEST_PIECES, _PIECES = 2, 8
 """Pieces of the work for each thread, so that one that is held up leaves some to the others."""
 
-_PLANS: ModelCache[ModelTables] = ModelCache()
+_TABLES: ModelCache[ModelTables] = ModelCache()
 
 
 class KernelResult(NamedTuple):
@@ -41,7 +41,7 @@ class KernelResult(NamedTuple):
 
 
 class BlockReduction(NamedTuple):
-    """What the bodies of a chain amount to."""
+    """What the bodies of a chain amount to together."""
 
     path: Array
     """From what the chain hangs on to the last body, ``(T, 24)``, as `mp2a.algebra.motion` has it."""
@@ -101,21 +101,21 @@ def rnea(
     run = kernels.compiled(f"rnea_{form.name}" + ("_bodies" if bodies else ""))
     if run is None:
         return None
-    samples, given = state.samples, _input(state, form)
+    samples, inputs = state.samples, _input(state, form)
     torque = out
-    if torque is None or not _fits(torque, given.columnwise) or _overlaps(torque, given):
-        torque = np.empty((samples, model.nv), form.dtype, order="F" if given.columnwise else "C")
+    if torque is None or not _fits(torque, inputs.columnwise) or _overlaps(torque, inputs):
+        torque = np.empty((samples, model.nv), form.dtype, order="F" if inputs.columnwise else "C")
     base = np.ascontiguousarray(base, form.dtype)
     tip = np.zeros(6, form.dtype) if tip is None else np.ascontiguousarray(tip, form.dtype)
     padded = -(-samples // form.lanes) * form.lanes
     output = rows
-    if output is None or not output.flags.c_contiguous or _overlaps(output, given):
+    if output is None or not output.flags.c_contiguous or _overlaps(output, inputs):
         output = np.empty((samples, len(model), 18) if bodies else 0, form.dtype)
     root = np.empty((6, padded), form.dtype)
     at = kernels.pointer
     ends = at(base), 12 * (base.ndim - 1), at(tip), 6 * (tip.ndim - 1)
-    results = at(torque), _stride(torque, given.columnwise), at(output), padded, at(root), 0
-    valid = _run(run, model, given, ends, results, form, threads, bodies=bodies)
+    results = at(torque), _stride(torque, inputs.columnwise), at(output), padded, at(root), 0
+    valid = _run(run, model, inputs, ends, results, form, threads, bodies=bodies)
     return KernelResult(torque, output if bodies else None, root[:, :samples], valid)
 
 
@@ -128,8 +128,8 @@ def reduce_block(
     ----------
     model, state, threads
         As `rnea` takes them.
-    load
-        Whether the load is asked for, not the path alone.
+    inertia
+        Whether the composite inertia is asked for, not the path alone.
 
     Returns
     -------
@@ -139,13 +139,13 @@ def reduce_block(
     run, form = kernels.compiled("reduce_block"), NUMBER_FORMATS[np.dtype(np.float64)]
     if run is None:
         return None
-    samples, given = state.samples, _input(state, form)
+    samples, inputs = state.samples, _input(state, form)
     padded = -(-samples // form.lanes) * form.lanes
     path, below = np.empty((24, padded)), np.empty((28, padded)) if inertia else None
     at = kernels.pointer
     # The kernel has no torque to write, but looks where it would be.
-    results = at(given.held[0]), 0, at(path), padded, 0 if below is None else at(below), 0
-    valid = _run(run, model, given, (0, 0, 0, 0), results, form, threads, bodies=False)
+    results = at(inputs.held[0]), 0, at(path), padded, 0 if below is None else at(below), 0
+    valid = _run(run, model, inputs, (0, 0, 0, 0), results, form, threads, bodies=False)
     whole, under = (None if x is None else np.ascontiguousarray(x[:, :samples].T) for x in (path, below))
     assert whole is not None
     return BlockReduction(whole, under, valid)
@@ -172,34 +172,34 @@ def _input(state: JointState, form: NumberFormat) -> _Input:
     return _Input(columnwise, (*places, *strided), held)
 
 
-def _overlaps(result: Array, given: _Input) -> bool:
+def _overlaps(result: Array, inputs: _Input) -> bool:
     """Tell whether a kernel that writes a result might write over what it has yet to read."""
-    return any(np.may_share_memory(result, x) for x in given.held)
+    return any(np.may_share_memory(result, x) for x in inputs.held)
 
 
 def _run(
-    run: Kernel, model: Model, given: _Input, ends: tuple[int, ...], results: tuple[int, ...], form: NumberFormat,
+    run: Kernel, model: Model, inputs: _Input, ends: tuple[int, ...], results: tuple[int, ...], form: NumberFormat,
     threads: int | None, *, bodies: bool,
 ) -> bool:  # fmt: skip
     """Run a kernel in some threads; tells whether all samples are valid."""
-    samples = len(given.held[0])
+    samples = len(inputs.held[0])
     chunks, work_there_is = -(-samples // form.lanes), len(model) * samples
     threads = _threads(threads, work_there_is, chunks)
     pieces = min(chunks, threads * max(_FEWEST_PIECES, min(_PIECES, work_there_is // (threads * _WORTH_A_THREAD))))
     at = kernels.pointer
-    plan = _PLANS.get(model, (form.name, bodies), lambda: make_tables(model, form, bodies=bodies))
-    tables = at(plan.body_constants), at(plan.frame_constants), at(plan.topology)
-    sizes = len(model), samples, model.nq, model.nv, given.columnwise
+    tables = _TABLES.get(model, (form.name, bodies), lambda: make_tables(model, form, bodies=bodies))
+    constants = at(tables.body_constants), at(tables.frame_constants), at(tables.topology)
+    sizes = len(model), samples, model.nq, model.nv, inputs.columnwise
     job: NDArray[np.int64] = np.array(
-        KernelJob._make((*sizes, *tables, *ends, *given.numbers, *results)), dtype=np.int64
+        KernelJob._make((*sizes, *constants, *ends, *inputs.numbers, *results)), dtype=np.int64
     )
-    return THREAD_POOL.run(run, job, chunks, pieces, np.empty((threads, plan.scratch), form.dtype))
+    return THREAD_POOL.run(run, job, chunks, pieces, np.empty((threads, tables.scratch), form.dtype))
 
 
-def _threads(asked: int | None, work: int, chunks: int) -> int:
-    if asked is None:
-        asked = min(cores.threads_per_rank(), work // _WORTH_A_THREAD) if work >= 2 * _WORTH_A_THREAD else 1
-    return max(1, min(asked, chunks))
+def _threads(requested: int | None, work: int, chunks: int) -> int:
+    if requested is None:
+        requested = min(cores.threads_per_rank(), work // _WORTH_A_THREAD) if work >= 2 * _WORTH_A_THREAD else 1
+    return max(1, min(requested, chunks))
 
 
 def _fits(array: Array, columnwise: bool) -> bool:

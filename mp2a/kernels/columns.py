@@ -25,7 +25,7 @@ def columns(real: Real) -> Any:
 
     @compiled
     def views(job: Any, memory: Any, begin: Any) -> Any:
-        found = (
+        places = (
             (memory, ring - 1, lanes),
             (ahead(memory, ring * lanes), ring - 1, lanes),
             (ahead(memory, 2 * ring * lanes), ring - 1, lanes),
@@ -34,13 +34,13 @@ def columns(real: Real) -> Any:
         if job[AT.columnwise]:
             # The last chunk may begin a little earlier and do some samples again.
             begin = min(begin, job[AT.samples] - lanes)
-            found = (
+            places = (
                 (ahead(there(job[AT.q]), begin), -1, job[AT.q_stride]),
                 (ahead(there(job[AT.v]), begin), -1, job[AT.v_stride]),
                 (ahead(there(job[AT.a]), begin), -1, job[AT.a_stride]),
                 (ahead(there(job[AT.torque]), begin), -1, job[AT.torque_stride]),
             )
-        return found, begin
+        return places, begin
 
     return views
 

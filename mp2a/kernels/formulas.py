@@ -38,24 +38,24 @@ def compose(upper: Numbers, lower: Numbers) -> Numbers:
 
 
 def force_of(
-    load: Numbers, w: Numbers, v: Numbers, dw: Numbers, a: Numbers
+    composite: Numbers, w: Numbers, v: Numbers, dw: Numbers, a: Numbers
 ) -> tuple[Numbers, Numbers, Numbers, Numbers]:
     """Return momentum, spin, and the force in two parts."""
-    m, h, j = load[0], load[1:4], load[4:10]
+    m, h, j = composite[0], composite[1:4], composite[4:10]
     momentum = scaled(cross(w, h), v, m)
     spin = add(apply_symmetric(j, w), cross(h, v))
-    doubled = add(momentum, add(load[25:28], load[25:28]))
-    linear = add(scaled(cross(dw, h), a, m), add(cross(w, doubled), load[13:16]))
+    doubled = add(momentum, add(composite[25:28], composite[25:28]))
+    linear = add(scaled(cross(dw, h), a, m), add(cross(w, doubled), composite[13:16]))
     angular = add(apply_symmetric(j, dw), cross(h, a))
-    angular = add(angular, apply_symmetric(load[16:22], w))
-    angular = add(angular, cross(w, add(load[22:25], spin)))
-    angular = add(angular, add(cross(v, momentum), load[10:13]))
+    angular = add(angular, apply_symmetric(composite[16:22], w))
+    angular = add(angular, cross(w, add(composite[22:25], spin)))
+    angular = add(angular, add(cross(v, momentum), composite[10:13]))
     return momentum, spin, angular, linear
 
 
-def force(load: Numbers, velocity: Numbers, acceleration: Numbers) -> Numbers:
-    """Force that a load takes."""
-    _, _, angular, linear = force_of(load, velocity[0:3], velocity[3:6], acceleration[0:3], acceleration[3:6])
+def force(composite: Numbers, velocity: Numbers, acceleration: Numbers) -> Numbers:
+    """Return the force that a composite inertia takes."""
+    _, _, angular, linear = force_of(composite, velocity[0:3], velocity[3:6], acceleration[0:3], acceleration[3:6])
     return angular + linear
 
 
@@ -65,15 +65,15 @@ def transform_force(path: Numbers, force: Numbers) -> Numbers:
     return add(apply(path[0:9], force[0:3]), cross(path[9:12], linear)) + linear
 
 
-def transform(load: Numbers, path: Numbers) -> Numbers:
-    """Take a load from the lower to the upper end of a path."""
-    m, h, j = load[0], load[1:4], load[4:10]
+def transform(composite: Numbers, path: Numbers) -> Numbers:
+    """Take a composite inertia from the lower to the upper end of a path."""
+    m, h, j = composite[0], composite[1:4], composite[4:10]
     r, p, w, v = path[0:9], path[9:12], path[12:15], path[15:18]
-    momentum, spin, angular_force, linear_force = force_of(load, w, v, path[18:21], path[21:24])
-    rate = add_symmetric(load[16:22], add_symmetric(twice_turning(w, j), minus_twice(h, v)))
+    momentum, spin, angular_force, linear_force = force_of(composite, w, v, path[18:21], path[21:24])
+    rate = add_symmetric(composite[16:22], add_symmetric(twice_turning(w, j), minus_twice(h, v)))
     h = apply(r, h)
-    linear = apply(r, add(load[25:28], momentum))
-    angular = apply(r, add(load[22:25], spin))
+    linear = apply(r, add(composite[25:28], momentum))
+    angular = apply(r, add(composite[22:25], spin))
     middle = scaled(h, p, 0.5 * m)
     rest = (
         scaled(h, p, m)

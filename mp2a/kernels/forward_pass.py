@@ -83,7 +83,7 @@ def _single(real: Real, motion: int, *, per_lane: bool) -> Any:
     """Joints with one degree of freedom."""
     take, take_two = real.take_columns(1), real.take_columns(2)
     one, two = real.record(1, per_lane=per_lane), real.record(2, per_lane=per_lane)
-    screw, share = real.lift(steps.screw, motion), real.lift(steps.share)
+    screw, fraction = real.lift(steps.screw, motion), real.lift(steps.fraction)
     angle, added_angle, slide = real.lift(steps.angle, 2), real.lift(steps.added_angle, 2), real.lift(steps.slide, 3)
     constant_turn = real.lift(steps.constant_turn, 2)
     revolute, prismatic = real.lift(steps.revolute, motion), real.lift(steps.prismatic, motion)
@@ -100,9 +100,11 @@ def _single(real: Real, motion: int, *, per_lane: bool) -> Any:
             state = prismatic((state, turn + tilt, slide((x, place, tilt)), rate, growth))
         elif kind == SCREW:
             shares = two(body_constants, i * BODY_CONSTANTS + 16)
-            invalid = invalid_angle((invalid, share((x, shares[0])), one(body_constants, i * BODY_CONSTANTS + 15)[0]))
-            turn = angle((share((x, shares[0])), one(body_constants, i * BODY_CONSTANTS + 15)[0]))
-            x = share((x, shares[1]))
+            invalid = invalid_angle(
+                (invalid, fraction((x, shares[0])), one(body_constants, i * BODY_CONSTANTS + 15)[0])
+            )
+            turn = angle((fraction((x, shares[0])), one(body_constants, i * BODY_CONSTANTS + 15)[0]))
+            x = fraction((x, shares[1]))
             state = screw((state, turn + tilt, slide((x, place, tilt)), rate, growth, shares))
         else:
             if kind == REVOLUTE:
@@ -119,7 +121,7 @@ def _single(real: Real, motion: int, *, per_lane: bool) -> Any:
 
 
 def _several(real: Real) -> Any:
-    """Joints with several degrees of freedom: pose, rates of both orders, and what is doubtful."""
+    """Joints with several degrees of freedom: pose, rates of both orders, and what is invalid."""
     three, four, six, seven = (real.take_columns(count) for count in (3, 4, 6, 7))
     planar, spherical, free = (real.lift(formula, 12) for formula in (steps.planar, steps.spherical, steps.free))
     planar_rates, spherical_rates = real.lift(steps.planar_rates, 6), real.lift(steps.spherical_rates, 6)

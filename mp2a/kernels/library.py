@@ -155,15 +155,15 @@ def _processor() -> str:
     names = ("vendor_id", "cpu family", "model", "flags", "CPU implementer", "CPU part", "CPU variant", "Features")
     try:
         with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as lines:  # noqa: PTH123
-            known: dict[str, str] = {}
+            fields: dict[str, str] = {}
             for line in lines:
                 name, _, value = line.partition(":")
-                if name.strip() in known:
+                if name.strip() in fields:
                     break  # the next processor
-                known[name.strip()] = value.strip()
+                fields[name.strip()] = value.strip()
     except OSError:
         return platform.processor()
-    return "\n".join(known.get(name, "") for name in names)
+    return "\n".join(fields.get(name, "") for name in names)
 
 
 def _folders() -> Iterator[Path]:

@@ -157,7 +157,7 @@ def _prepare(model: Model, state: JointState, threads: int | None, *, bodies: bo
 
 
 def _through(work: _Work, kernel: Kernel, output: Array, root: Array | None, backward_only: int = 0) -> bool:
-    """Run a kernel on all groups; tells whether nothing is doubtful."""
+    """Run a kernel on all groups; tells whether everything is valid."""
     cut, length, at = work.cut, work.cut.length, kernels.pointer
     jobs: list[NDArray[np.int64]] = []
     alive = []
@@ -210,12 +210,12 @@ def _filled(values: Array, places: int) -> Array:
 def _bases(base: Array, paths: Array) -> Array:
     """Motion of what each block hangs on, as kernels take it, ``(blocks, 12)``."""
     w, dw, a, v = base.reshape(4, 3)
-    reached = np.concatenate((np.eye(3).ravel(), np.zeros(3), w, v, dw, a - cross(w, v)))
-    all_reached = np.empty((len(paths), 24))
-    for place, path in zip(all_reached, paths, strict=True):
-        place[:] = reached
-        reached = kernels.compose(reached, path)
-    w, v, dw, a = np.split(all_reached[:, 12:], 4, axis=1)
+    motion = np.concatenate((np.eye(3).ravel(), np.zeros(3), w, v, dw, a - cross(w, v)))
+    motions = np.empty((len(paths), 24))
+    for place, path in zip(motions, paths, strict=True):
+        place[:] = motion
+        motion = kernels.compose(motion, path)
+    w, v, dw, a = np.split(motions[:, 12:], 4, axis=1)
     return np.concatenate((w, dw, a + cross(w, v), v), axis=1)
 
 

@@ -1,4 +1,4 @@
-"""What a block of consecutive bodies amounts to: the path across it, and its load about its start.
+"""What a block of consecutive bodies amounts to: the path across it, and its composite inertia about its start.
 
 Only building the kernels imports this module; `mp2a.kernels.long` and `mp2a.kernels.batch` use the kernels.
 """
@@ -13,13 +13,14 @@ from mp2a.kernels.lanes import Real, integers
 from mp2a.kernels.tables import AT, BODY_CONSTANTS, FRAME_CONSTANTS
 from mp2a.kernels.transposition import gather
 
-_PATH, _LOAD = 24, 28
+_PATH, _COMPOSITE = 24, 28
 
 
 def reduce_block(real: Real, *, per_lane: bool = False) -> Callable[..., None]:
     """Make the kernel, which is called as those of `mp2a.kernels.rnea` are, for a chain without branches.
 
-    The paths go to the job's ``output``, ``(24, padded)``; the loads to its ``root``, ``(28, padded)``, if it has one.
+    The paths go to the job's ``output``, ``(24, padded)``; the composite inertias to its ``root``, ``(28, padded)``, if
+    it has one.
     With ``per_lane`` each lane has a block of its own, and paths end in the frames of the tables; else in the user's.
     """
     lanes = real.lanes
@@ -32,13 +33,16 @@ def reduce_block(real: Real, *, per_lane: bool = False) -> Callable[..., None]:
     )
     one, three, six, nine = (real.record(count, per_lane=per_lane) for count in (1, 3, 6, 9))
     zero, is_nan, put_apart, gather_six = real.zero(), real.is_nan(), real.put_apart(), gather(real, 6)
-    start, nothing = real.lift(steps.no_path, _PATH), real.lift(steps.no_load, _LOAD)
-    load_of, total, pushed = (
-        real.lift(steps.load_of, _LOAD),
-        real.lift(steps.total, _LOAD),
-        real.lift(steps.pushed, _LOAD),
+    start, nothing = real.lift(steps.no_path, _PATH), real.lift(steps.no_composite, _COMPOSITE)
+    composite_of, total, with_external = (
+        real.lift(steps.composite_of, _COMPOSITE),
+        real.lift(steps.total, _COMPOSITE),
+        real.lift(steps.with_external, _COMPOSITE),
     )
-    ended, reached = real.lift(steps.ended, _PATH), real.lift(steps.reached, _PATH)
+    path_to_table_frame, path_to_user_frame = (
+        real.lift(steps.path_to_table_frame, _PATH),
+        real.lift(steps.path_to_user_frame, _PATH),
+    )
     step = forward_pass(real, _PATH, per_lane=per_lane)
 
     def run(job_at: Any, first: Any, last: Any, scratch_at: Any, verdict_at: Any) -> None:
@@ -50,12 +54,12 @@ def reduce_block(real: Real, *, per_lane: bool = False) -> Callable[..., None]:
         invalid = zero()
         for chunk in range(first, last):
             views, begin = where(job, memory, chunk * lanes)
-            path, load, ready = start((zero(),)), nothing((zero(),)), (0, 0)
+            path, composite, ready = start((zero(),)), nothing((zero(),)), (0, 0)
             for i in range(n):
                 ready = staged(job, i, topology, views, begin, ready)
                 path, invalid = step(i, path, invalid, tables, memory, views)
                 if job[AT.root]:
-                    own = load_of(
+                    own = composite_of(
                         (
                             path,
                             one(body_constants, i * BODY_CONSTANTS + 5)[0],
@@ -63,15 +67,21 @@ def reduce_block(real: Real, *, per_lane: bool = False) -> Callable[..., None]:
                             six(body_constants, i * BODY_CONSTANTS + 9),
                         )
                     )
-                    load = total((load, own))
+                    composite = total((composite, own))
                     if job[AT.external]:
                         begins = ahead(there(job[AT.external]), i * job[AT.external_body])
                         external = gather_six(begins, job[AT.external_sample], begin, final)
-                        load = pushed((load, path, external, nine(frame_constants, i * FRAME_CONSTANTS)))
-            path = ended((path,)) if per_lane else reached((path, nine(frame_constants, (n - 1) * FRAME_CONSTANTS)))
+                        composite = with_external(
+                            (composite, path, external, nine(frame_constants, i * FRAME_CONSTANTS))
+                        )
+            path = (
+                path_to_table_frame((path,))
+                if per_lane
+                else path_to_user_frame((path, nine(frame_constants, (n - 1) * FRAME_CONSTANTS)))
+            )
             put_apart(there(job[AT.output]), begin, padded, path)
             if job[AT.root]:
-                put_apart(there(job[AT.root]), begin, padded, load)
+                put_apart(there(job[AT.root]), begin, padded, composite)
         if is_nan(invalid):
             integers(verdict_at)[0] = 1
 

@@ -55,11 +55,11 @@ def _follow(state: Numbers, place: Numbers, into: Callable[[Numbers], Numbers]) 
     """Motion of the parent at a place in its frame, turned into the body's: w, dw, a, v (or none), the rest."""
     w, dw, a, *more = _parts(state)
     v, rows, at = more[:1], more[1:4], state[21:]
-    reach = cross(w, place)
-    a = add(a, add(cross(dw, place), cross(w, reach)))
+    swept = cross(w, place)
+    a = add(a, add(cross(dw, place), cross(w, swept)))
     along = [row[0] * place[0] + row[1] * place[1] + row[2] * place[2] for row in rows]
     rest = [*(into(row) for row in rows), *(number + step for number, step in zip(at, along, strict=True))]
-    return into(w), into(dw), into(a), [into(add(x, reach)) for x in v], rest
+    return into(w), into(dw), into(a), [into(add(x, swept)) for x in v], rest
 
 
 def angle(q: Symbol, offset: Symbol) -> tuple[Symbol, Symbol]:
@@ -126,38 +126,38 @@ def no_path(zero: Symbol) -> Numbers:
     return (zero,) * 12 + (one, zero, zero, zero, one, zero, zero, zero, one) + (zero,) * 3
 
 
-def no_load(zero: Symbol) -> Numbers:
-    """Load of no body."""
+def no_composite(zero: Symbol) -> Numbers:
+    """Return the composite inertia of no body."""
     return (zero,) * 28
 
 
-def load_of(path: Numbers, mass: Symbol, moment: Numbers, inertia: Numbers) -> Numbers:
-    """Load of a body about the start of the path to it."""
+def composite_of(path: Numbers, mass: Symbol, moment: Numbers, inertia: Numbers) -> Numbers:
+    """Return the composite inertia of a body about the start of the path to it."""
     w, v = path[0:3], path[9:12]
     spatial = sub(path[6:9], cross(w, v))
     return transform((mass, *moment, *inertia, *(ZERO,) * 18), (*path[12:24], *w, *v, *path[3:6], *spatial))
 
 
-def pushed(load: Numbers, path: Numbers, external: Numbers, rotation: Numbers) -> Numbers:
-    """Load with a wrench from outside on the body at the path's end, in the user's frame of it."""
+def with_external(composite: Numbers, path: Numbers, external: Numbers, rotation: Numbers) -> Numbers:
+    """Add to a composite inertia a wrench from outside on the body at the path's end, in the user's frame of it."""
     turned_back = tuple(number for x in _parts(external) for number in apply_transposed(rotation, x))
     wrench = transform_force(path[12:24], turned_back)
-    return *load[:10], *(have - more for have, more in zip(load[10:16], wrench, strict=True)), *load[16:]
+    return *composite[:10], *(have - more for have, more in zip(composite[10:16], wrench, strict=True)), *composite[16:]
 
 
-def reached(path: Numbers, rotation: Numbers) -> Numbers:
+def path_to_user_frame(path: Numbers, rotation: Numbers) -> Numbers:
     """Path as `mp2a.algebra.motion` has it, to the user's frame of the body at its end."""
     turned = tuple(number for x in _parts(path[0:21]) for number in apply(rotation, x))
-    return ended((*turned, *path[21:24]))
+    return path_to_table_frame((*turned, *path[21:24]))
 
 
-def ended(path: Numbers) -> Numbers:
+def path_to_table_frame(path: Numbers) -> Numbers:
     """Path as `mp2a.algebra.motion` has it, to the frame of the tables."""
     w, dw, a, v = _parts(path[0:12])
     return *path[12:24], *w, *v, *dw, *sub(a, cross(w, v))
 
 
-def share(x: Symbol, part: Symbol) -> Symbol:
+def fraction(x: Symbol, part: Symbol) -> Symbol:
     """Part of a number."""
     return x * part
 

@@ -1,4 +1,4 @@
-"""A march as a moving picture."""
+"""A run of robots as a moving picture."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -6,12 +6,27 @@ from typing import Any
 
 import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 from PIL import Image
 
-from mp2a.exceptions import InputError
-from mp2a.plot.march import EVENT, FEW, check, ground, outlines, places, robot_colors
-from mp2a.plot.style import INK, styled
+from mp2a import se2
+from mp2a.files import atomic_write
+from mp2a.plot.looks import INK
+from mp2a.plot.recorded import (
+    check_recording,
+    event_handles,
+    event_kinds,
+    event_places,
+    event_symbol,
+    ground,
+    leader_handles,
+    outlines,
+    robot_colors,
+    robot_handles,
+    write_roles,
+)
+from mp2a.plot.style import check_picture, legends, styled
 from mp2a.simulator.recording import Recording
 from mp2a.spatial import Array
 
@@ -19,43 +34,47 @@ _FRAME = 0.1  # s
 _LONGEST = 20.0  # s, unless it must be faster than the fastest below
 _FASTER = (1, 2, 5, 10, 20, 50, 100)
 _DPI = 100
-_COLORS = 64
+_BLENDS = 64
+"""Colours of a GIF beside those of the robots: what is drawn besides, and edges."""
+_ALIKE = 8  # of 255, to which a blend would stand for a colour that is there exactly
+_SEEN: dict[str, Any] = {"linestyle": "none", "marker": ".", "color": "#e9808f", "zorder": 3}
+"""How a point that a LIDAR sees is marked."""
 
 
-def animation(recording: Recording, path: str | Path, *, quiet: bool = False) -> Path:
-    """Draw a march as a GIF: the robots, their paths so far, and what their LIDARs see.
+def save_animation(recording: Recording, path: str | Path, *, quiet: bool = False) -> Path:
+    """Draw a run as a GIF: the robots, their paths so far, and what their LIDARs see.
 
     It runs in real time, or a whole factor faster where it would take more than 20 s.
 
     Parameters
     ----------
-    recording : Recording
+    recording
         A run.
-    path : str or Path
+    path
         Where it goes; .gif. Its folder is created.
-    quiet : bool
+    quiet
         Show no bar on a terminal.
 
     Returns
     -------
     Path
-        The file written.
+        The same.
 
     Raises
     ------
     InputError
         For a recording of fewer than two times, or another ending.
+    OutputError
+        If the file cannot be written; an older picture is still there then.
     """
-    out = Path(path)
-    if out.suffix.lower() != ".gif":
-        raise InputError(f"path: got '{out.name}', expected a name that ends in .gif")
-    check(recording)
+    check_recording(recording)
+    out = check_picture(path, (".gif",))
     with styled():
         frames = _frames(recording, quiet)
-        palette = next(frames).quantize(_COLORS)
+        palette = _palette(next(frames), robot_colors(len(recording.models)))
         flat = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    out.parent.mkdir(parents=True, exist_ok=True)
-    flat[0].save(out, save_all=True, append_images=flat[1:], duration=round(1000 * _FRAME), loop=0)
+    with atomic_write(out) as new:
+        flat[0].save(new, "GIF", save_all=True, append_images=flat[1:], duration=round(1000 * _FRAME), loop=0)
     return out
 
 
@@ -64,7 +83,7 @@ def frame_ticks(times: Array) -> tuple[np.ndarray, int]:
 
     Parameters
     ----------
-    times : ndarray
+    times
         ``(T,)`` s.
 
     Returns
@@ -79,6 +98,17 @@ def frame_ticks(times: Array) -> tuple[np.ndarray, int]:
     return np.append(ticks, len(times) - 1), faster
 
 
+def _palette(frame: Image.Image, colors: list[str]) -> Image.Image:
+    """Make a palette with exactly the robots' colours, whose small areas a general one would merge, and with others."""
+    named = ("white", INK, _SEEN["color"], *colors)
+    exact = (255 * np.array([to_rgb(color) for color in named])).round().astype(int)[: 256 - _BLENDS]
+    blends = np.array(frame.quantize(_BLENDS).getpalette()).reshape(-1, 3)[:_BLENDS]
+    apart = np.abs(blends[:, None] - exact).max(axis=-1).min(axis=-1) > _ALIKE
+    out = Image.new("P", (1, 1))
+    out.putpalette(np.concatenate((exact, blends[apart])).ravel().tolist())
+    return out
+
+
 def _frames(recording: Recording, quiet: bool) -> Iterator[Image.Image]:
     """Draw what stands still once, and on copies of it what moves; the last picture, which has every colour, first."""
     from rich.console import Console
@@ -88,24 +118,23 @@ def _frames(recording: Recording, quiet: bool) -> Iterator[Image.Image]:
     figure, axes = ground(recording)
     figure.set_dpi(_DPI)
     colors = robot_colors(len(recording.models))
-    seen = axes.plot([], [], linestyle="none", marker=".", markersize=1.5, color="#d4002a", alpha=0.5, zorder=3)[0]
+    seen = axes.plot([], [], markersize=1.5, **_SEEN)[0]
     paths = LineCollection([], colors=colors, linewidths=1.1, zorder=3)
     bodies = PolyCollection([], facecolors=colors, edgecolors=INK, linewidths=0.7, zorder=5)
     noses = LineCollection([], colors=INK, linewidths=0.7, zorder=6)
     for collection in (paths, bodies, noses):
         axes.add_collection(collection, autolim=False)
     clock = axes.set_title("", loc="right")
-    numbers = [
-        axes.text(0, 0, f"{i + 1}", color=INK, fontsize=8, fontweight="bold", ha="center", va="center", zorder=6)
-        for i in range(len(colors))
-        if len(colors) <= FEW
-    ]
-    crosses = axes.plot([], [], **EVENT)[0]
-    moving: list[Any] = [seen, paths, bodies, noses, crosses, clock, *numbers]
+    roles = write_roles(axes, recording, -1)
+    symbols = {kind: axes.plot([], [], **event_symbol(kind))[0] for kind in event_kinds(recording)}
+    moving: list[Any] = [seen, paths, bodies, noses, *roles, *symbols.values(), clock]
     for artist in moving:
         artist.set_animated(True)
-    drawn: Any = figure.canvas
     clock.set_text("0000.0 s, 100 ×")  # the layout leaves room for it
+    points = [Line2D([], [], markersize=5, label="points that LIDARs see", **_SEEN)] if len(recording.points) else []
+    drawn_too = [*leader_handles(recording), *points]
+    legends(figure, [("robot", robot_handles(recording)), ("drawn", drawn_too), ("event", event_handles(recording))])
+    drawn: Any = figure.canvas
     drawn.draw()
     still = drawn.copy_from_bbox(figure.bbox)
     console = Console(stderr=True)
@@ -116,9 +145,10 @@ def _frames(recording: Recording, quiet: bool) -> Iterator[Image.Image]:
         corners, ahead = outlines(recording, int(k))
         bodies.set_verts(corners)
         noses.set_segments(ahead)
-        for number, place in zip(numbers, recording.poses[k, :, :2], strict=False):
-            number.set_position(place)
-        crosses.set_data(*places([event for event in recording.events if event.time <= recording.times[k]]).T)
+        for role, place in zip(roles, recording.poses[k, :, :2], strict=True):
+            role.set_position(place)
+        for kind, symbol in symbols.items():
+            symbol.set_data(*event_places(recording, kind, recording.times[k]).T)
         _show_points(seen, recording, int(k))
         clock.set_text(f"{recording.times[k]:.1f} s" + (f", {faster} ×" if faster > 1 else ""))
         for artist in moving:
@@ -133,7 +163,6 @@ def _show_points(seen: Line2D, recording: Recording, tick: int) -> None:
         rows = np.flatnonzero(recording.counts[: tick + 1, i])
         if len(rows):
             stamp = recording.stamps[rows[-1], i]
-            x, y, heading = (np.interp(stamp, recording.times, recording.poses[:, i, k]) for k in range(3))
-            turn = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
-            clouds.append(recording.new_points(int(rows[-1]), i) @ turn + (x, y))
+            pose = np.array([np.interp(stamp, recording.times, recording.poses[:, i, k]) for k in range(3)])
+            clouds.append(se2.act(pose, recording.new_points(int(rows[-1]), i)))
     seen.set_data(*np.concatenate(clouds).T)

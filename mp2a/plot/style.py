@@ -1,54 +1,38 @@
-"""What all pictures share: colours, markers, fonts, the axis of robots, and how a picture becomes a file."""
+"""What all pictures share: fonts, axes, curves and legends, and how a picture becomes a file."""
 
 import contextlib
-import inspect
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
+from typing import Any
 
 import matplotlib
 import matplotlib.style
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.ticker import EngFormatter, FixedFormatter, FixedLocator, LogLocator, NullFormatter, NullLocator
 
 from mp2a.exceptions import InputError
+from mp2a.files import atomic_write, check_writable
+from mp2a.plot.looks import FAINT, INK, Look
 
-Data = TypeVar("Data")
-Options = ParamSpec("Options")
-Dashes = str | tuple[float, tuple[float, ...]]  # what matplotlib takes for a line style
+Dashes = str | tuple[float, tuple[float, ...]]
+"""What matplotlib takes for a line style."""
 
-
-class Look(NamedTuple):
-    """How one contender looks in every picture: the colours keep apart for colour-blind readers (Okabe and Ito)."""
-
-    label: str
-    color: str
-    marker: str
-
-
-INK = "#222222"
-FAINT = "#8a8a8a"
-LOOKS = {
-    "kogge-stone": Look("kogge-stone (MP²A)", "#0072B2", "o"),
-    "compact": Look("compact", "#56B4E9", "p"),
-    "sweep": Look("sweep", "#000000", ">"),
-    "relay": Look("relay, hop by hop", "#D55E00", "s"),
-    "relay, pipelined": Look("relay, samples in 16 blocks", "#E69F00", "s"),
-    "centre": Look("centre, each robot directly", "#009E73", "D"),
-    "centre, tree": Look("centre, along a tree", "#88CC66", "d"),
-    "pinocchio": Look("pinocchio, one process", "#AA4499", "^"),
-    "serial": Look("serial O(n)", "#555555", "v"),
-}
-SUFFIXES = (".png", ".svg", ".pdf")
-PAPER_ROBOTS = 512
-PAPER_SAMPLES = 2000
 _DPI = 200
-_SPARE = ("#CC6677", "#332288", "#999933", "#88CCEE")
+_SUFFIXES = (".png", ".svg", ".pdf")
+_WITHOUT_DATE: dict[str, dict[str, Any]] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}, ".png": {}}
+_EDGE = 0.005  # of a figure's width, left free beside its legends
+_LEGEND_GAP = 0.05  # of a figure's width, between groups at most
+_MOST_TICKS = 14
+_LARGE = ("*", "P")  # markers of what is compared with
+_NARROW = 2.5
+"""Decades of an axis of times up to which 2 and 5 have ticks as well."""
 _STYLE: dict[str, Any] = {
     "font.size": 9,
     "axes.titlesize": 10,
@@ -65,6 +49,7 @@ _STYLE: dict[str, Any] = {
     "xtick.labelcolor": INK,
     "ytick.labelcolor": INK,
     "text.color": INK,
+    "figure.titlesize": 10,
     "grid.color": "#e4e4e4",
     "grid.linewidth": 0.6,
     "legend.fontsize": 8.5,
@@ -74,154 +59,138 @@ _STYLE: dict[str, Any] = {
     "svg.hashsalt": "mp2a",
     "pdf.fonttype": 42,
 }
-_WITHOUT_DATE: dict[str, dict[str, Any]] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}, ".png": {}}
 
 
-def look(contender: str) -> Look:
-    """Tell how a contender is drawn; one this module has never heard of gets a colour of its own.
+@contextlib.contextmanager
+def styled() -> Iterator[None]:
+    """Draw in the style of this module, whatever the user's own settings, which come back afterwards.
 
-    Parameters
-    ----------
-    contender : str
-        Its name in the results.
-
-    Returns
-    -------
-    Look
-        Label, colour and marker.
+    It decorates every function that makes a figure.
     """
-    return LOOKS.get(contender) or Look(contender, _SPARE[sum(contender.encode()) % len(_SPARE)], "h")
+    with matplotlib.style.context(["default", _STYLE]):
+        yield
 
 
-def picture(
-    figure: Callable[Concatenate[Data, Options], Figure],
-) -> Callable[Concatenate[Data, str | Path, Options], Path]:
-    """Make a function that writes what another one draws.
-
-    Parameters
-    ----------
-    figure : Callable
-        ``figure(data, **options)``.
-
-    Returns
-    -------
-    Callable
-        ``write(data, path, **options)``, which returns the path. Its ending is .png, .svg or .pdf, anything else an
-        InputError before anything is drawn; its folder is created.
-    """
-
-    def write(data: Data, path: str | Path, /, *arguments: Options.args, **options: Options.kwargs) -> Path:
-        out = target(path)
-        with styled():
-            return save(figure(data, *arguments, **options), out)
-
-    write.__name__ = write.__qualname__ = figure.__name__.removesuffix("_figure")
-    write.__module__ = figure.__module__
-    told = f"Write what `{figure.__name__}` makes to ``path`` (.png, .svg or .pdf; its folder is created)."
-    write.__doc__ = f"{told}\n\n{inspect.getdoc(figure)}"
-    return write
-
-
-def target(path: str | Path) -> Path:
-    """Check that a picture can be written there, before any of it is drawn.
+def check_picture(path: str | Path, suffixes: Sequence[str] = _SUFFIXES) -> Path:
+    """Find out before a picture is drawn whether it can be written.
 
     Parameters
     ----------
-    path : str or Path
-        Where the picture shall go; its ending chooses the file type.
+    path
+        Where it shall go; its folder is created.
+    suffixes
+        The endings of the kinds of file it can become.
 
     Returns
     -------
     Path
         The same.
+
+    Raises
+    ------
+    InputError
+        If its name has another ending.
+    OutputError
+        If it cannot be written there.
     """
     out = Path(path)
-    if out.suffix.lower() not in SUFFIXES:
-        raise InputError(f"path: got '{out.name}', expected a name that ends in {', '.join(SUFFIXES)}")
+    if out.suffix.lower() not in suffixes:
+        raise InputError(f"path: got '{out.name}', expected a name that ends in {', '.join(suffixes)}")
+    check_writable(out)
     return out
 
 
-def save(figure: Figure, path: Path) -> Path:
-    """Write a figure; its folder is created.
+@styled()
+def save_figure(figure: Figure, path: str | Path) -> Path:
+    """Write a figure to a file, the same bytes for the same figure.
 
     Parameters
     ----------
-    figure : Figure
-        What to write.
-    path : Path
-        Where, as `target` gave it.
+    figure
+        Any of those that this package makes.
+    path
+        Where it goes; the ending .png, .svg or .pdf says what it becomes. Its folder is created.
 
     Returns
     -------
     Path
-        The file written.
+        The same.
+
+    Raises
+    ------
+    InputError
+        If its name has another ending.
+    OutputError
+        If it cannot be written, to a full or read-only disk for instance; an older picture is still there then.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=_DPI, metadata=_WITHOUT_DATE[path.suffix.lower()], facecolor="white")
-    return path
-
-
-@contextlib.contextmanager
-def styled() -> Iterator[None]:
-    """Draw and save in this module's style, whatever the user's own settings; they come back afterwards."""
-    with matplotlib.style.context(["default", _STYLE]):
-        yield
+    out = check_picture(path)
+    suffix = out.suffix.lower()
+    with atomic_write(out) as new:
+        figure.savefig(new, format=suffix[1:], dpi=_DPI, metadata=_WITHOUT_DATE[suffix], facecolor="white")
+    return out
 
 
 def canvas(width: float, height: float) -> Figure:
-    """Make an empty figure that no pyplot window list knows of.
+    """Make an empty figure that no window list of pyplot knows of, laid out so that nothing is cut off.
 
     Parameters
     ----------
-    width, height : float
+    width, height
         Its size in inches.
-
-    Returns
-    -------
-    Figure
-        With a canvas, laid out so that nothing is cut off.
     """
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
-def robots_axis(axes: Axes, largest: int, smallest: int = 1) -> None:
-    """Make x the number of robots, a logarithm to base 2, marked at powers of two.
+def robots_axis(axes: Axes, sizes: Iterable[int]) -> None:
+    """Make x the number of robots, a logarithm to base 2 that ends where the data end.
 
     Parameters
     ----------
-    axes : Axes
+    axes
         Whose x axis.
-    largest, smallest : int
-        Its ends.
+    sizes
+        The numbers of robots that have points; as many of them get a tick as there is room for.
     """
+    places = np.unique(list(sizes))
+    low, high = np.log2(places[[0, -1]])
+    ticks: list[int] = []
+    for n in places[::-1]:
+        if not ticks or np.log2(ticks[-1] / n) >= (high - low) / _MOST_TICKS:
+            ticks.append(int(n))
     axes.set_xscale("log", base=2)
-    powers = 2 ** np.arange(0, int(np.ceil(np.log2(max(largest, 2)))) + 1)
-    powers = powers[powers <= largest]
-    powers = powers[:: -(-len(powers) // 11)]
-    axes.xaxis.set_major_locator(FixedLocator(powers.tolist()))
-    axes.xaxis.set_major_formatter(FixedFormatter([str(p) for p in powers]))
+    axes.xaxis.set_major_locator(FixedLocator(ticks))
+    axes.xaxis.set_major_formatter(FixedFormatter([str(n) for n in ticks]))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlim(smallest / 1.2, largest * 1.2)
+    margin = 0.04 * (high - low) or 1.0
+    axes.set_xlim(2 ** (low - margin), 2 ** (high + margin))
     axes.set_xlabel("number of robots n")
     axes.grid(True, which="major")
 
 
-def seconds_axis(axes: Axes) -> None:
-    """Make y times on a logarithmic scale, marked at powers of ten.
+def log_axis(axis: Axis, unit: str, limits: tuple[float, float]) -> None:
+    """Mark an axis that is logarithmic, at powers of ten or closer; call it once all is drawn.
 
     Parameters
     ----------
-    axes : Axes
-        Whose y axis.
+    axis
+        The x or y axis of a panel.
+    unit
+        Of its ticks, with prefixes; "" for plain numbers.
+    limits
+        The least and largest value that is shown.
     """
-    axes.set_yscale("log")
-    axes.yaxis.set_major_locator(LogLocator(numticks=12))
-    axes.yaxis.set_major_formatter(EngFormatter("s"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.tick_params(axis="y", which="minor", size=0)
+    narrow = np.log10(limits[1] / limits[0]) < _NARROW
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,), numticks=12))
+    axis.set_major_formatter(EngFormatter(unit) if unit else PLAIN)
+    axis.set_minor_formatter(NullFormatter())
+    axis.set_tick_params(which="minor", size=0)
+
+
+PLAIN = matplotlib.ticker.StrMethodFormatter("{x:g}")
+"""Numbers as they are."""
 
 
 def curve(
@@ -233,21 +202,21 @@ def curve(
     hollow: np.ndarray | None = None,
     gid: str | None = None,
 ) -> Line2D:
-    """Draw measured points, filled or hollow, with a line through them.
+    """Draw points, filled or hollow, with a line through them.
 
     Parameters
     ----------
-    axes : Axes
+    axes
         Where.
-    x, y : ndarray
+    x, y
         The points.
-    shape : Look
-        Colour and marker.
-    line : str or tuple
-        Solid, dashed or dotted.
-    hollow : ndarray of bool, optional
-        Which points are not to be filled.
-    gid : str, optional
+    shape
+        The colour and marker.
+    line
+        Solid, dashed, dotted or "none".
+    hollow
+        Which points are not to be filled; None: none.
+    gid
         Name of the line, for whoever looks for it in the figure or in an SVG.
 
     Returns
@@ -255,20 +224,12 @@ def curve(
     Line2D
         The line, with all points.
     """
-    [drawn] = axes.plot(x, y, color=shape.color, marker=shape.marker, markersize=5, linewidth=1.5)
-    drawn.set(linestyle=line, label=shape.label, gid=gid, zorder=4)
+    plain: dict[str, Any] = {"color": shape.color, "marker": shape.marker, "markersize": _marker_size(shape)}
+    [drawn] = axes.plot(x, y, linewidth=1.5, **plain)
+    drawn.set(linestyle=line, label=shape.label, gid=gid, zorder=6 if shape.marker in _LARGE else 4)
     if hollow is not None and hollow.any():
-        axes.plot(
-            x[hollow],
-            y[hollow],
-            linestyle="none",
-            color=shape.color,
-            marker=shape.marker,
-            markersize=5,
-            markerfacecolor="white",
-            markeredgewidth=1.2,
-            zorder=5,
-        )
+        empty: dict[str, Any] = {"markerfacecolor": "white", "markeredgewidth": 1.2, "zorder": 5}
+        axes.plot(x[hollow], y[hollow], linestyle="none", **plain, **empty)
     return drawn
 
 
@@ -277,63 +238,104 @@ def handle(shape: Look, line: Dashes = "-", hollow: bool = False, **more: Any) -
 
     Parameters
     ----------
-    shape : Look
-        Label, colour and marker.
-    line : str or tuple
-        Line style.
-    hollow : bool
+    shape
+        The label, colour and marker.
+    line
+        Its line style.
+    hollow
         Whether the marker is empty.
-    **more : Any
-        Anything else a line takes.
-
-    Returns
-    -------
-    Line2D
-        A line that is in no axes.
+    **more
+        Anything else that a line takes.
     """
     inside = "white" if hollow else shape.color
-    drawn = Line2D([], [], color=shape.color, marker=shape.marker, markersize=5, linewidth=1.5, markerfacecolor=inside)
-    drawn.set(linestyle=line, label=shape.label, **more)
+    drawn = Line2D([], [], color=shape.color, marker=shape.marker, linewidth=1.5, markerfacecolor=inside)
+    drawn.set(linestyle=line, label=shape.label, markersize=_marker_size(shape))
+    drawn.set(**more)
     return drawn
 
 
-def legends(figure: Figure, columns: Sequence[tuple[str, Sequence[Artist]]]) -> None:
-    """Put titled groups of a legend side by side under the panels, which keep their height: the figure grows.
+def _marker_size(shape: Look) -> float:
+    return 9 if shape.marker in _LARGE else 5
+
+
+def remark(text: str) -> Line2D:
+    """Make an entry of a legend that is only text."""
+    return handle(Look(text, FAINT, ""), "none")
+
+
+def legends(figure: Figure, groups: Sequence[tuple[str, Sequence[Artist]]], note: str = "") -> None:
+    """Put titled groups of a legend under the panels, which keep their height: the figure grows.
 
     Parameters
     ----------
-    figure : Figure
+    figure
         Whose panels make room.
-    columns : sequence of (title, handles)
-        The groups; an empty one is left out.
+    groups
+        Titles and handles; an empty group is left out. They stand side by side as far as the figure is wide enough,
+        long ones in columns.
+    note
+        A line below them: where the data come from.
     """
-    height = 0.3 + 0.17 * max(len(handles) for _, handles in columns)
-    figure.set_figheight(figure.get_figheight() + height)
-    share = height / figure.get_figheight()
-    figure.get_layout_engine().set(rect=(0, share, 1, 1 - share))  # type: ignore[union-attr,call-arg]
-    drawn = []
-    for title, handles in columns:
-        if handles:
-            keys: dict[str, Any] = {"loc": "upper left", "alignment": "left", "handlelength": 2.4, "borderaxespad": 0.2}
-            drawn.append(figure.legend(handles=list(handles), title=title, bbox_to_anchor=(0.005, share), **keys))
-            drawn[-1].get_title().set_fontweight("bold")
-            drawn[-1].set_in_layout(False)
-    figure.draw_without_rendering()  # how wide a group is, is known only once it has been laid out
-    widths = [group.get_window_extent().width / figure.bbox.width for group in drawn]
-    gap = min(0.05, (0.99 - sum(widths)) / max(1, len(widths) - 1))
-    for k, group in enumerate(drawn):
-        group.set_bbox_to_anchor((0.005 + sum(widths[:k]) + k * gap, share))
+    wide, tall = figure.get_size_inches()
+    drawn = _side_by_side(figure, [(title, list(handles)) for title, handles in groups if handles])
+    widths, heights = np.array([_size(figure, group) for group in drawn]).T / [[wide], [1]]
+    gap = min(_LEGEND_GAP, max((1 - 2 * _EDGE - widths.sum()) / max(1, len(drawn) - 1), 2 * _EDGE))
+    x, y, below = _EDGE, 0.0, 0.0
+    places = []
+    for width, height in zip(widths, heights, strict=True):
+        if x > _EDGE and x + width > 1 - _EDGE + 1e-6:
+            x, y = _EDGE, below
+        places.append((x, y))
+        x, below = x + width + gap, max(below, y + height)
+    foot = (
+        figure.text(_EDGE + 0.006, 0.0, note, color=FAINT, fontsize=8, va="bottom", in_layout=False) if note else None
+    )
+    room = below + (_size(figure, foot)[1] + 0.06 if foot else 0.0)
+    figure.set_figheight(tall + room)
+    share = 1 / (tall + room)
+    figure.get_layout_engine().set(rect=(0, room * share, 1, tall * share))  # type: ignore[union-attr,call-arg]
+    for group, (left, top) in zip(drawn, places, strict=True):
+        group.set_bbox_to_anchor((left, (room - top) * share))
+    if foot:
+        foot.set_y(0.05 * share)
+
+
+def _side_by_side(figure: Figure, groups: Sequence[tuple[str, list[Artist]]]) -> list[Legend]:
+    """Make the groups with as few rows as fit side by side, or each in one column where that is too wide as well."""
+    longest = max(len(handles) for _, handles in groups)
+    for rows in range(min(4, longest), longest + 1):
+        drawn = [_group(figure, title, handles, -(-len(handles) // rows)) for title, handles in groups]
+        widths = sum(_size(figure, group)[0] for group in drawn)
+        if rows == longest or widths <= (1 - 2 * _EDGE) * figure.get_figwidth() - 0.1 * (len(drawn) - 1):
+            break
+        for group in drawn:
+            group.remove()
+    return drawn
+
+
+def _group(figure: Figure, title: str, handles: list[Artist], columns: int) -> Legend:
+    keys: dict[str, Any] = {"loc": "upper left", "alignment": "left", "handlelength": 2.4, "borderaxespad": 0.2}
+    group = figure.legend(handles=handles, title=title, ncols=columns, columnspacing=1.4, **keys)
+    group.get_title().set_fontweight("bold")
+    group.set_in_layout(False)
+    return group
+
+
+def _size(figure: Figure, artist: Any) -> tuple[float, float]:
+    """Width and height of a text or legend in inches, which it has once it has been laid out."""
+    box = artist.get_window_extent(figure.canvas.get_renderer())  # type: ignore[attr-defined]
+    return box.width / figure.dpi, box.height / figure.dpi
 
 
 def spread(places: Iterable[float], gap: float) -> np.ndarray:
-    """Move places as little as it takes to be `gap` apart, in their order.
+    """Move places as little as it takes to be a gap apart, in their order.
 
     Parameters
     ----------
-    places : iterable of float
+    places
         Where labels would like to be.
-    gap : float
-        Least distance of two neighbours.
+    gap
+        The least distance of two neighbours.
 
     Returns
     -------

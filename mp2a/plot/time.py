@@ -1,7 +1,7 @@
-"""The paper's figure 9: the time a whole trajectory takes, over the number of robots."""
+"""The paper's figure 9: the time that a whole trajectory takes, over the number of robots."""
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib import rcParams
@@ -10,268 +10,140 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mp2a.exceptions import InputError
-from mp2a.network import EmulatedNetwork
-from mp2a.plot.style import (
-    FAINT,
-    INK,
-    LOOKS,
+from mp2a.plot.looks import FAINT, INK, Look, look
+from mp2a.plot.measurements import (
+    GRAINS,
     PAPER_ROBOTS,
     PAPER_SAMPLES,
-    Dashes,
-    Look,
-    canvas,
-    curve,
-    handle,
-    legends,
-    look,
-    picture,
-    robots_axis,
-    seconds_axis,
+    SOURCES,
+    contenders,
+    grain_title,
+    hollow_note,
+    origin,
+    plural,
+    runs,
+    sample_count,
+    series,
 )
+from mp2a.plot.panels import Curve, draw_lines, draw_rows, in_seconds, legend_groups, rows_height, rows_of
+from mp2a.plot.style import Dashes, canvas, handle, legends, log_axis, remark, styled
 
-GRAINS = ("batch", "single")
-SOURCES = ("measured", "modelled", "extrapolated")
-PAPER = {
-    "kogge-stone": (0.152, Look("paper: MP²A, 0.152 s at n = 512", INK, "*")),
-    "serial": (6.4, Look("paper: O(n), 6.4 s at n = 512", INK, "P")),
-}
-_ALONE = ("pinocchio",)  # runs in one process, so it never shares a core with other ranks
 _LINES: dict[str, Dashes] = {"measured": "-", "modelled": (0, (5, 2)), "extrapolated": (0, (1, 1.5))}
 _MARKS = {"modelled": "+", "extrapolated": "x"}
-_TITLES = {
+_GROUPS = {
     "measured": "measured, wall clock",
     "modelled": "modelled, eq. 13",
     "extrapolated": "extrapolated, a core a robot",
 }
+_PAPER = (
+    ("kogge-stone", 0.152, Look("paper: MP²A, 0.152 s", INK, "*")),
+    ("serial", 6.4, Look("paper: O(n), 6.4 s", INK, "P")),
+)
+"""What the paper states for `PAPER_ROBOTS` and `PAPER_SAMPLES`."""
 
 
-class Series(NamedTuple):
-    """One curve of the results: seconds per sample over the number of robots."""
-
-    n: np.ndarray
-    seconds: np.ndarray
-    oversubscribed: np.ndarray
-
-
-def runs(results: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """List the runs of a results file, one for each number of robots.
-
-    Parameters
-    ----------
-    results : mapping
-        A results file, parsed.
-
-    Returns
-    -------
-    list of mapping
-        By rising n; of several runs of one n the last. Only those over the network of the last run.
-    """
-    found = results.get("runs") if isinstance(results, Mapping) else None
-    if not isinstance(found, list) or not found:
-        raise InputError(f"results: got {_kind(results)} without runs, expected a results file with at least one run")
-    for run in found:
-        n = run.get("n") if isinstance(run, Mapping) else None
-        if not isinstance(n, int) or n < 1:
-            raise InputError(f"results: got a run with n = {n!r}, expected a whole number of robots, at least 1")
-    alike = [run for run in found if run.get("emulated") == found[-1].get("emulated")]
-    return [run for _, run in sorted({run["n"]: run for run in alike}.items())]
-
-
-def series(results: Mapping[str, Any], source: str, contender: str, grain: str) -> Series:
-    """Take one curve out of the results.
-
-    Parameters
-    ----------
-    results : mapping
-        A results file, parsed.
-    source : {"measured", "modelled", "extrapolated"}
-        Where its times come from; measured ones are wall clock.
-    contender : str
-        Whose times.
-    grain : {"batch", "single"}
-        Whether all samples travel in each message, or one at a time.
-
-    Returns
-    -------
-    Series
-        Where the results hold a time; runs without are left out.
-    """
-    rows = []
-    for run in runs(results):
-        cell = ((run.get(source) or {}).get(contender) or {}).get(grain)
-        seconds = cell.get("wall") if isinstance(cell, Mapping) else cell
-        if seconds is None or (source == "modelled" and seconds == 0):
-            continue  # one robot alone sends nothing, and a logarithm has no place for that
-        if not isinstance(seconds, int | float) or not 0 < seconds < np.inf:
-            where = f"{source} {contender}, {grain}, n = {run['n']}"
-            raise InputError(f"results: got {seconds!r} for {where}, expected seconds above 0")
-        shared = source == "measured" and contender not in _ALONE and bool(run.get("oversubscribed"))
-        rows.append((run["n"], seconds, shared))
-    return Series(
-        np.array([n for n, _, _ in rows], dtype=int),
-        np.array([seconds for _, seconds, _ in rows], dtype=float),
-        np.array([shared for _, _, shared in rows], dtype=bool),
-    )
-
-
-def contenders(results: Mapping[str, Any], source: str) -> list[str]:
-    """List who has times of one kind, the known ones first.
-
-    Parameters
-    ----------
-    results : mapping
-        A results file, parsed.
-    source : {"measured", "modelled", "extrapolated"}
-        Kind of times.
-
-    Returns
-    -------
-    list of str
-        Names with at least one time.
-    """
-    held = {name for run in runs(results) for name, cell in (run.get(source) or {}).items() if cell}
-    names = [name for name in LOOKS if name in held] + sorted(held - LOOKS.keys())
-    return [name for name in names if any(len(series(results, source, name, grain).n) for grain in GRAINS)]
-
-
-def samples(results: Mapping[str, Any]) -> int:
-    """Tell how many samples the trajectory has; of several lengths the longest.
-
-    Parameters
-    ----------
-    results : mapping
-        A results file, parsed.
-
-    Returns
-    -------
-    int
-        Samples.
-    """
-    longest = 0
-    for run in runs(results):
-        count = run.get("samples")
-        if not isinstance(count, int) or count < 1:
-            raise InputError(f"results: got a run of {count!r} samples, expected at least 1")
-        longest = max(longest, count)
-    return longest
-
-
-def grain_title(results: Mapping[str, Any], grain: str) -> str:
-    """Name the way samples travel, as the title of a panel.
-
-    Parameters
-    ----------
-    results : mapping
-        A results file, parsed.
-    grain : {"batch", "single"}
-        Which way.
-
-    Returns
-    -------
-    str
-        For instance "2000 samples in each message".
-    """
-    emulated = runs(results)[-1].get("emulated")
-    network = f",\nemulated network of {EmulatedNetwork(*emulated)}" if emulated else ""
-    if grain == "single":
-        return f"one sample at a time{network}"
-    return f"{samples(results)} sample{'s' * (samples(results) > 1)} in each message{network}"
-
-
-def hollow_note(results: Mapping[str, Any]) -> Artist | None:
-    """Say in a legend what a hollow marker means.
-
-    Parameters
-    ----------
-    results : mapping
-        A results file, parsed.
-
-    Returns
-    -------
-    Artist or None
-        Nothing where no run had more ranks than cores.
-    """
-    crowded = [run for run in runs(results) if run.get("oversubscribed")]
-    if not crowded:
-        return None
-    machine = results.get("machine") or {}
-    cores = sorted({c for c in (run.get("cores", machine.get("cores")) for run in crowded) if c is not None})
-    known = " or ".join(map(str, cores))
-    few = f"the {known} core{'s' * (cores != [1])}" if cores else "cores"
-    return handle(Look(f"hollow: more ranks than {few}", INK, "o"), "none", hollow=True, markeredgewidth=1.2)
-
-
+@styled()
 def time_figure(results: Mapping[str, Any], period: float = 0.01) -> Figure:
     """Draw the time of the whole trajectory over the number of robots, as the paper's figure 9.
 
     Parameters
     ----------
-    results : mapping
-        A results file, parsed.
-    period : float
+    results
+        A results file of ``mp2a bench``, parsed. If it is about one number of robots, every curve is a row.
+    period
         Control period in seconds: below samples × period the formation is computed in real time.
 
     Returns
     -------
     Figure
-        Two panels; every curve carries its name as gid, "measured kogge-stone" for instance.
+        A panel for each way in which samples travel; every curve carries its name as gid, "measured kogge-stone" for
+        instance.
 
     Raises
     ------
     InputError
-        For results without runs, or a period that is no time.
+        For results without runs or times, or a period that is no time.
     """
     if not isinstance(period, int | float) or not 0 < period < np.inf:
         raise InputError(f"period: got {period!r}, expected seconds above 0")
-    count = samples(results)
-    found = {source: contenders(results, source) for source in SOURCES}
-    if not any(found.values()):
+    count, sizes = sample_count(results), [run["n"] for run in runs(results)]
+    panels = {grain: _curves(results, grain) for grain in GRAINS if count > 1 or grain == "single"}
+    panels = {grain: curves for grain, curves in panels.items() if curves}
+    if not panels:
         raise InputError("results: got runs without a single time, expected measured, modelled or extrapolated times")
-    figure = canvas(9.6, 4.4)
-    panels = figure.subplots(1, 2, sharex=True, sharey=True)
-    for axes, grain in zip(panels, GRAINS, strict=True):
-        _panel(axes, results, grain, period)
-    panels[0].set_ylabel(f"time for the whole trajectory, {count} sample{'s' * (count > 1)}")
-    right = panels[1].secondary_yaxis("right", functions=(lambda t: t / count, lambda t: t * count))
-    seconds_axis(right)
-    _grid_of(right, panels[1], count)
-    right.set_ylabel("time per sample")
-    groups = [(_TITLES[s], [handle(_shape(s, who), _LINES[s]) for who in found[s]]) for s in SOURCES]
+    inside = sizes[0] <= PAPER_ROBOTS <= sizes[-1]
+    if inside:
+        panels = {grain: curves + _paper(count) for grain, curves in panels.items()}
+    what = f"time for the whole trajectory, {count} samples" if count > 1 else "time of one sample"
+    note = origin("measured", runs(results))
+    if len(sizes) == 1:
+        figure = _rows(panels, what, count, count * period)
+        groups: list[tuple[str, list[Artist]]] = []
+    else:
+        figure = _lines(panels, what, count, count * period, sizes)
+        groups = legend_groups([line for curves in panels.values() for line in curves if line.group != "paper"])
+    for axes, grain in zip(figure.axes, panels, strict=False):
+        axes.set_title(grain_title(results, grain))
+    if len(sizes) == 1:
+        figure.suptitle(plural(sizes[0], "robot"))
     scaled = "" if count == PAPER_SAMPLES else f", for {count} of its {PAPER_SAMPLES} samples"
-    papers = [mark._replace(label=mark.label + scaled) for _, mark in PAPER.values()]
-    marks = [handle(mark, "none", markersize=8, markeredgewidth=0) for mark in papers]
+    marks: list[Artist] = [
+        handle(shape._replace(label=f"{shape.label} at n = {PAPER_ROBOTS}{scaled}"), "none")
+        if inside
+        else remark(f"{shape.label} at n = {PAPER_ROBOTS}")
+        for _, _, shape in _PAPER
+    ]
     real = handle(Look(f"real time at a control period of {period * 1e3:g} ms", FAINT, ""), "-.")
-    note = hollow_note(results)
-    legends(figure, [*groups, ("for comparison", [*marks, real, *([note] if note else [])])])
+    legends(figure, [*groups, ("for comparison", [real, *hollow_note(runs(results)), *marks])], note)
     return figure
 
 
-time = picture(time_figure)
-
-
-def _panel(axes: Axes, results: Mapping[str, Any], grain: str, period: float) -> None:
-    count = samples(results)
+def _curves(results: Mapping[str, Any], grain: str) -> list[Curve]:
+    """Return the curves of a panel, in seconds for the whole trajectory."""
+    out = []
     for source in SOURCES:
         for who in contenders(results, source):
-            line = series(results, source, who, grain)
-            name = f"{source} {who}"
-            curve(axes, line.n, line.seconds * count, _shape(source, who), _LINES[source], line.oversubscribed, name)
-    for who, (seconds, mark) in PAPER.items():
-        axes.plot(
-            PAPER_ROBOTS,
-            seconds * count / PAPER_SAMPLES,
-            linestyle="none",
-            marker=mark.marker,
-            color=mark.color,
-            markersize=9,
-            markeredgewidth=0,
-            zorder=6,
-            gid=f"paper {who}",
-        )
-    axes.axhline(count * period, color=FAINT, linestyle="-.", linewidth=1.2, gid="real time")
-    robots_axis(axes, max(PAPER_ROBOTS, runs(results)[-1]["n"]))
-    seconds_axis(axes)
-    axes.set_title(grain_title(results, grain))
+            n, seconds, shared = series(results, source, who, grain)
+            times, shape = (
+                seconds * sample_count(results),
+                look(who)._replace(marker=_MARKS.get(source, look(who).marker)),
+            )
+            if len(n):
+                name = f"{source} {who}"
+                out.append(Curve(name, _GROUPS[source], shape, _LINES[source], n, times, shared, in_seconds(times)))
+    return out
+
+
+def _paper(count: int) -> list[Curve]:
+    out = []
+    for who, seconds, shape in _PAPER:
+        n, times = np.array([PAPER_ROBOTS]), np.array([seconds * count / PAPER_SAMPLES])
+        out.append(Curve(f"paper {who}", "paper", shape, "none", n, times, np.array([False]), in_seconds(times)))
+    return out
+
+
+def _per_sample(count: int) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Return how an axis of seconds for a trajectory becomes one of seconds for a sample, and back."""
+    return lambda seconds: seconds / count, lambda seconds: seconds * count
+
+
+def _lines(panels: Mapping[str, list[Curve]], what: str, count: int, real: float, sizes: list[int]) -> Figure:
+    figure = canvas(9.6 if len(panels) > 1 else 7.2, 4.4)
+    drawn = figure.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False)[0]
+    for axes, curves in zip(drawn, panels.values(), strict=True):
+        draw_lines(axes, curves, sizes)
+        axes.axhline(real, color=FAINT, linestyle="-.", linewidth=1.2, gid="real time")
+    for axes in drawn:
+        log_axis(axes.yaxis, "s", axes.get_ylim())
+    drawn[0].set_ylabel(what)
+    if count > 1:
+        low, high = drawn[-1].get_ylim()
+        right = drawn[-1].secondary_yaxis("right", functions=_per_sample(count))
+        log_axis(right.yaxis, "s", (low / count, high / count))
+        right.set_ylabel("time per sample")
+        if len(panels) > 1:
+            _grid_of(right, drawn[-1], count)
+    return figure
 
 
 def _grid_of(right: Axes, axes: Axes, count: int) -> None:
@@ -284,10 +156,17 @@ def _grid_of(right: Axes, axes: Axes, count: int) -> None:
             axes.axhline(place, color=rcParams["grid.color"], linewidth=rcParams["grid.linewidth"], zorder=0.5)
 
 
-def _shape(source: str, contender: str) -> Look:
-    shape = look(contender)
-    return shape if source == "measured" else shape._replace(marker=_MARKS[source])
-
-
-def _kind(results: object) -> str:
-    return "a file" if isinstance(results, Mapping) else type(results).__name__
+def _rows(panels: Mapping[str, list[Curve]], what: str, count: int, real: float) -> Figure:
+    rows = rows_of([line for curves in panels.values() for line in curves])
+    figure = canvas(9.6 if len(panels) > 1 else 7.2, rows_height(rows) + 1.5)
+    drawn: list[Axes] = list(figure.subplots(1, len(panels), sharey=True, squeeze=False)[0])
+    for axes, curves in zip(drawn, panels.values(), strict=True):
+        axes.axvline(real, color=FAINT, linestyle="-.", linewidth=1.2, gid="real time", zorder=1)
+        draw_rows(axes, curves, rows, "s")
+        axes.set_xlabel(what)
+        if count > 1:
+            low, high = axes.get_xlim()
+            top = axes.secondary_xaxis("top", functions=_per_sample(count))
+            log_axis(top.xaxis, "s", (low / count, high / count))
+            top.set_xlabel("time per sample")
+    return figure

@@ -12,16 +12,18 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, Patch
 
 from mp2a.exceptions import InputError
-from mp2a.plot.style import FAINT, INK, Dashes, Look, canvas, handle, legends, look, picture
+from mp2a.plot.looks import FAINT, INK, Look, look
+from mp2a.plot.measurements import origin, plural
+from mp2a.plot.style import Dashes, canvas, handle, legends, styled
 
-RECURRENCES = {
+_COLORS = {
     "velocity": "#0072B2",
     "acceleration": "#E69F00",
     "motion": "#0072B2",
     "sweep": "#0072B2",
     "force": "#009E73",
 }
-MOST_ROBOTS = 32  # with more, arrows and hatching would cover one another
+_MOST_ROBOTS = 32  # with more, arrows and hatching would cover one another
 _SHAFTS: dict[str, tuple[Dashes, str]] = {
     "matrix+vector": ("-", "matrix and vector"),
     "vector": ((0, (3.5, 2)), "vector alone"),
@@ -30,7 +32,7 @@ _SHAFTS: dict[str, tuple[Dashes, str]] = {
 }
 
 
-class Span(NamedTuple):
+class TraceSpan(NamedTuple):
     """What one robot was at for a while; times in µs."""
 
     robot: int
@@ -40,7 +42,7 @@ class Span(NamedTuple):
     category: str
 
 
-class Message(NamedTuple):
+class TraceMessage(NamedTuple):
     """One message, from when it was sent to when it was there; times in µs."""
 
     source: int
@@ -50,24 +52,19 @@ class Message(NamedTuple):
     kind: str
 
 
-def spans(trace: Mapping[str, Any]) -> list[Span]:
-    """Take the spans out of a trace.
+def trace_spans(trace: Mapping[str, Any]) -> list[TraceSpan]:
+    """Return the spans of a trace file, parsed, in its order.
 
-    Parameters
-    ----------
-    trace : mapping
-        A trace file, parsed.
-
-    Returns
-    -------
-    list of Span
-        In the order of the file.
+    Raises
+    ------
+    InputError
+        If it holds none, or one without its times.
     """
-    found = trace.get("traceEvents") if isinstance(trace, Mapping) else None
-    if not isinstance(found, list):
+    events = trace.get("traceEvents") if isinstance(trace, Mapping) else None
+    if not isinstance(events, list):
         raise InputError(f"trace: got {type(trace).__name__} without traceEvents, expected a trace file")
     out = []
-    for event in found:
+    for event in events:
         if event.get("ph") != "X":
             continue
         name = (event.get("args") or {}).get("recurrence") or str(event.get("name", "")).partition(" ")[0]
@@ -75,24 +72,16 @@ def spans(trace: Mapping[str, Any]) -> list[Span]:
             at = (int(event["tid"]), float(event["ts"]), float(event["dur"]))
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"trace: got the span {event!r}, expected one with tid, ts and dur") from error
-        out.append(Span(*at, name, event.get("cat", "compute")))
+        out.append(TraceSpan(*at, name, event.get("cat", "compute")))
     if not out:
         raise InputError("trace: got no spans (events with ph = X), expected at least one")
     return out
 
 
-def messages(trace: Mapping[str, Any]) -> list[Message]:
-    """Take the messages out of a trace: each is a start and an end of the same id.
+def trace_messages(trace: Mapping[str, Any]) -> list[TraceMessage]:
+    """Return the messages of a trace file, parsed, in the order they were sent.
 
-    Parameters
-    ----------
-    trace : mapping
-        A trace file, parsed.
-
-    Returns
-    -------
-    list of Message
-        In the order they were sent; a start whose end the trace does not hold is left out.
+    Each is a start and an end of the same id; a start whose end the trace does not hold is left out.
     """
     events = trace["traceEvents"]
     ends = {event["id"]: event for event in events if event.get("ph") == "f"}
@@ -101,60 +90,50 @@ def messages(trace: Mapping[str, Any]) -> list[Message]:
         if start.get("ph") == "s" and start["id"] in ends:
             end = ends[start["id"]]
             kind = (start.get("args") or {}).get("kind", "vector")
-            out.append(Message(int(start["tid"]), float(start["ts"]), int(end["tid"]), float(end["ts"]), kind))
+            out.append(TraceMessage(int(start["tid"]), float(start["ts"]), int(end["tid"]), float(end["ts"]), kind))
     return sorted(out, key=lambda message: message.sent)
 
 
-def shares(found: Iterable[Span]) -> dict[str, float]:
-    """Tell which part of the robots' time each recurrence took, waiting included.
-
-    Parameters
-    ----------
-    found : iterable of Span
-        The spans of all robots.
-
-    Returns
-    -------
-    dict
-        From recurrence to a part of 1, the known recurrences first.
-    """
+def time_shares(spans: Iterable[TraceSpan]) -> dict[str, float]:
+    """Return which part of the time of all robots each recurrence took, waiting included, the known ones first."""
     total: dict[str, float] = {}
-    for span in found:
+    for span in spans:
         total[span.recurrence] = total.get(span.recurrence, 0.0) + span.length
     whole = sum(total.values()) or 1.0
-    order = [name for name in RECURRENCES if name in total] + sorted(total.keys() - RECURRENCES.keys())
+    order = [name for name in _COLORS if name in total] + sorted(total.keys() - _COLORS.keys())
     return {name: total[name] / whole for name in order}
 
 
+@styled()
 def timeline_figure(trace: Mapping[str, Any]) -> Figure:
     """Draw what every robot did when, with the messages as arrows, as the paper's figure 12.
 
     Parameters
     ----------
-    trace : mapping
-        A trace file, parsed.
+    trace
+        A trace file of ``mp2a trace``, parsed.
 
     Returns
     -------
     Figure
-        One row a robot, robot 1 on top.
+        A row for each robot, robot 1 on top.
 
     Raises
     ------
     InputError
         For a trace without spans.
     """
-    found, sent = spans(trace), messages(trace)
-    told = trace.get("mp2a") or {}
-    rows = max([int(told.get("n", 1)), *(span.robot + 1 for span in found), *(m.target + 1 for m in sent)])
-    few = rows <= MOST_ROBOTS
-    zero = min([*(span.start for span in found), *(m.sent for m in sent)])
-    end = max([*(span.start + span.length for span in found), *(m.arrived for m in sent)])
+    spans, sent = trace_spans(trace), trace_messages(trace)
+    about = trace.get("mp2a") or {}
+    rows = max([int(about.get("n", 1)), *(span.robot + 1 for span in spans), *(m.target + 1 for m in sent)])
+    few = rows <= _MOST_ROBOTS
+    zero = min([*(span.start for span in spans), *(m.sent for m in sent)])
+    end = max([*(span.start + span.length for span in spans), *(m.arrived for m in sent)])
     unit, name = (1e3, "ms") if end - zero >= 1e3 else (1.0, "µs")
     figure = canvas(9.6, 1.3 + (max(1.4, 0.42 * rows) if rows <= 10 else max(4.2, 0.21 * rows) if few else 5.2))
     axes = figure.subplots()
-    for recurrence in shares(found):
-        _bars(axes, [s for s in found if s.recurrence == recurrence], zero, unit, few)
+    for recurrence in time_shares(spans):
+        _bars(axes, [s for s in spans if s.recurrence == recurrence], zero, unit, few)
     if few:
         for message in sent:
             _arrow(axes, message, zero, unit)
@@ -168,19 +147,16 @@ def timeline_figure(trace: Mapping[str, Any]) -> Figure:
     axes.grid(True, axis="x")
     axes.set_ylabel("robot")
     axes.set_xlabel(f"time since the first event ({name})")
-    axes.set_title(_title(told, rows), loc="left")
-    legends(figure, _legend(found, sent, few))
+    axes.set_title(_title(about, rows), loc="left")
+    legends(figure, _legend(spans, sent, few), origin("measured", [about]))
     return figure
 
 
-timeline = picture(timeline_figure)
-
-
-def _bars(axes: Axes, found: list[Span], zero: float, unit: float, few: bool) -> None:
-    color = _color(found[0].recurrence)
+def _bars(axes: Axes, spans: list[TraceSpan], zero: float, unit: float, few: bool) -> None:
+    color = _color(spans[0].recurrence)
     half = 0.32 if few else 0.5
     for waiting in (True, False):
-        chosen = [s for s in found if (s.category == "exchange") == waiting]
+        chosen = [s for s in spans if (s.category == "exchange") == waiting]
         corners = [
             [(a, y - half), (b, y - half), (b, y + half), (a, y + half)]
             for a, b, y in (((s.start - zero) / unit, (s.start + s.length - zero) / unit, s.robot) for s in chosen)
@@ -194,13 +170,13 @@ def _bars(axes: Axes, found: list[Span], zero: float, unit: float, few: bool) ->
                 hatch="////" if waiting and few else None,
                 zorder=2 if waiting else 3,
                 rasterized=not few,
-                gid=f"{'exchange' if waiting else 'compute'} {found[0].recurrence}",
+                gid=f"{'exchange' if waiting else 'compute'} {spans[0].recurrence}",
             ),
             autolim=False,
         )
 
 
-def _arrow(axes: Axes, message: Message, zero: float, unit: float) -> None:
+def _arrow(axes: Axes, message: TraceMessage, zero: float, unit: float) -> None:
     towards = 0.32 * np.sign(message.target - message.source)
     axes.add_patch(
         FancyArrowPatch(
@@ -218,8 +194,10 @@ def _arrow(axes: Axes, message: Message, zero: float, unit: float) -> None:
     )
 
 
-def _legend(found: list[Span], sent: list[Message], few: bool) -> list[tuple[str, list[Artist]]]:
-    done = [Patch(color=_color(name), label=f"{name}, {part:.0%} of the time") for name, part in shares(found).items()]
+def _legend(spans: list[TraceSpan], sent: list[TraceMessage], few: bool) -> list[tuple[str, list[Artist]]]:
+    recurrences = [
+        Patch(color=_color(name), label=f"{name}, {part:.0%} of the time") for name, part in time_shares(spans).items()
+    ]
     pale: dict[str, Any] = {
         "facecolor": "#e3e3e3",
         "edgecolor": FAINT,
@@ -230,22 +208,22 @@ def _legend(found: list[Span], sent: list[Message], few: bool) -> list[tuple[str
     kinds = [k for k in _SHAFTS if any(m.kind == k for m in sent)] if few else []
     tip: dict[str, Any] = {"linewidth": 0.8, "markersize": 3.5, "markevery": [1]}
     arrows = [handle(Look(_SHAFTS[k][1], INK, ">"), _SHAFTS[k][0], **tip) for k in kinds]
-    return [("recurrence", [*done]), ("shade", [*shades]), ("message", [*arrows])]
+    return [("recurrence", [*recurrences]), ("shade", [*shades]), ("message", [*arrows])]
 
 
-def _title(told: Mapping[str, Any], rows: int) -> str:
-    count = told.get("samples")
+def _title(about: Mapping[str, Any], rows: int) -> str:
+    count = about.get("samples")
     parts = [
-        str(told.get("method", "")),
-        f"n = {rows} robot{'s' * (rows > 1)}",
-        f"{count} sample{'s' * (count != 1)}" if count else "",
+        str(about.get("method", "")),
+        plural(rows, "robot"),
+        plural(count, "sample") if count else "",
         "real time stamps",
     ]
     return ", ".join(part for part in parts if part)
 
 
 def _color(recurrence: str) -> str:
-    return RECURRENCES.get(recurrence) or look(recurrence).color
+    return _COLORS.get(recurrence) or look(recurrence).color
 
 
 def _light(color: str) -> tuple[float, ...]:

@@ -4,12 +4,15 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
+from mp2a.exceptions import InputError
 from mp2a.robots.start import PERIOD, Start
 
 if TYPE_CHECKING:
     from mp2a.mpi import MPI
 
 _TAG = 77
+_FAREWELLS = 10
+"""Messages to those whose terms are refused."""
 
 
 class Channel(Protocol):
@@ -19,7 +22,7 @@ class Channel(Protocol):
         """Send a text to everybody."""
 
     def receive(self) -> list[str]:
-        """Texts that have come since the last call; never waits."""
+        """Return the texts that have come since the last call; never waits."""
 
     def announce(self, ready: bool) -> None:
         """Tell this robot's own programs whether all robots are ready."""
@@ -39,17 +42,17 @@ class MpiChannel:
         self._sent += [self._comm.isend(text, rank, _TAG) for rank in others]
 
     def receive(self) -> list[str]:
-        """Texts that have come."""
+        """Return the texts that have come."""
         out = []
         while self._comm.iprobe(tag=_TAG):
             out.append(self._comm.recv(tag=_TAG))
         return out
 
     def announce(self, ready: bool) -> None:
-        """Nobody else listens here."""
+        """Tell nobody: no other program listens here."""
 
 
-def agree(
+def agree_on_start(
     start: Start,
     channel: Channel,
     clock: Callable[[], float] = time.time,
@@ -75,6 +78,8 @@ def agree(
 
     Raises
     ------
+    InputError
+        If another robot drives by other terms. The others are told for another second, so that they refuse as well.
     DependencyError
         If somebody is missing for a minute, a clock is ahead, or it is too late.
 
@@ -90,8 +95,14 @@ def agree(
             channel.announce(True)
             announced = True
         sleep(PERIOD)
-        for text in channel.receive():
-            for answer in start.hear(text, clock()):
-                channel.publish(answer)
+        try:
+            for text in channel.receive():
+                for answer in start.hear(text, clock()):
+                    channel.publish(answer)
+        except InputError:
+            for _ in range(_FAREWELLS):
+                channel.publish(start.introduction())
+                sleep(PERIOD)
+            raise
         start.check(clock() - began)
     return start.time

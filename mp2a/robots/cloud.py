@@ -1,7 +1,7 @@
 """Points out of and into a ``sensor_msgs/PointCloud2``, whichever ROS it comes by."""
 
-from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -13,28 +13,8 @@ _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", _FLOAT32: "f4", 
 """PointField's constants as numpy types."""
 
 
-class Field(Protocol):
-    """A ``sensor_msgs/PointField``."""
-
-    name: str
-    offset: int
-    datatype: int
-
-
-class Cloud(Protocol):
-    """What is used of a ``sensor_msgs/PointCloud2``."""
-
-    height: int
-    width: int
-    fields: Sequence[Field]
-    is_bigendian: bool
-    point_step: int
-    row_step: int
-    data: bytes
-
-
-def points(cloud: Cloud) -> Array:
-    """Points ``(k, 3)`` of a cloud, m, in the cloud's frame; those that are not finite are left out.
+def points(cloud: Any) -> Array:
+    """Return the points ``(k, 3)`` of a cloud, m, in the cloud's frame; those that are not finite are left out.
 
     Raises
     ------
@@ -49,25 +29,24 @@ def points(cloud: Cloud) -> Array:
     return out[np.isfinite(out).all(axis=1)]
 
 
-def content(flat: Array, header: Any, field: Callable[..., Any]) -> tuple[Any, ...]:
-    """Fields, in their order, of the cloud that holds points of the ground.
+def content(points: Array, header: Any, field: Callable[..., Any]) -> tuple[Any, ...]:
+    """Return the fields, in their order, of the cloud that holds some points.
 
     Parameters
     ----------
-    flat
-        ``(k, 2)`` m; their z is 0.
+    points
+        ``(k, 3)`` m.
     header
         ``std_msgs/Header`` with the points' frame.
     field
         Makes a ``sensor_msgs/PointField`` of its fields.
     """
-    k = len(flat)
-    data = np.column_stack((flat, np.zeros(k))).astype("<f4").tobytes()
+    k = len(points)
     columns = [field(name, 4 * i, _FLOAT32, 1) for i, name in enumerate("xyz")]
-    return header, 1, k, columns, False, 12, 12 * k, data, True
+    return header, 1, k, columns, False, 12, 12 * k, points.astype("<f4").tobytes(), True
 
 
-def _column(cloud: Cloud, data: bytes, name: str) -> np.ndarray:
+def _column(cloud: Any, data: bytes, name: str) -> np.ndarray:
     field = next((field for field in cloud.fields if field.name == name), None)
     if field is None:
         given = ", ".join(field.name for field in cloud.fields) or "none"

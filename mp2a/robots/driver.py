@@ -1,15 +1,16 @@
 """One robot's loop: sense, decide, shape the command, send it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from mp2a.formation.choreography.places import compose
+from mp2a.formation.outcome import Outcome, outcome
 from mp2a.robots import limits, slip, sound
-from mp2a.robots.interface import NO_POSE, Pace, Robot, Sensed
-from mp2a.robots.planner import Decision, Planner, origin_of
-from mp2a.robots.steps import Step
-from mp2a.robots.table import RobotInterface
+from mp2a.robots.interface import NO_POSE, Clock, Robot, Sensed
+from mp2a.robots.planner import ChoreographyPlanner, Decision, origin_of
+from mp2a.robots.robot_config import RobotConfig
+from mp2a.robots.ticks import DriveTick
+from mp2a.se2 import compose
 from mp2a.spatial import Array
 
 _ZERO = np.zeros(2)
@@ -24,7 +25,7 @@ class Driver:
         Of the robot.
     robot
         What takes commands.
-    interface
+    config
         Its limits and rate.
     planner
         Decides.
@@ -34,11 +35,11 @@ class Driver:
     """
 
     def __init__(
-        self, role: str, robot: Robot, interface: RobotInterface, planner: Planner, in_place: bool = True
+        self, role: str, robot: Robot, config: RobotConfig, planner: ChoreographyPlanner, in_place: bool = True
     ) -> None:
         self.role, self.robot = role, robot
-        self._planner, self._dt = planner, 1.0 / interface.rate
-        model = interface.model
+        self._planner, self._dt = planner, 1.0 / config.rate
+        model = config.model
         self._fastest = np.array([model.max_speed, model.max_turn_rate])
         self._most = np.array([model.max_acceleration, model.max_turn_acceleration])
         self._place = planner.place()
@@ -46,25 +47,58 @@ class Driver:
         self._sent: Array = _ZERO
         self._slip = slip.NO_SLIP_SEEN
         self._sound = sound.CLEAR
+        self._decision = Decision(_ZERO, "", False, "", False, False)
+        self._pose: Array = NO_POSE
 
-    def tick(self, t: float) -> Step:
+    def tick(self, t: float) -> DriveTick:
         """Sense, decide and send, at ``t`` s after the start."""
+        known, sensed = self._sense()
+        self._decision = decision = self._planner.decide(t, sensed._replace(twist=np.nan_to_num(sensed.twist)))
+        command = self._shape(sensed, decision)
+        self.robot.send(command)
+        self._sent = command
+        self._make_sound(t, bool(decision.blocked) and not sensed.human)
+        return self._tick(t, known, command)
+
+    def stand(self, t: float) -> DriveTick:
+        """Return the tick after the last one, at which the robot is closed: it is sent zero."""
+        known, _ = self._sense()
+        return self._tick(t, known, _ZERO)._replace(stands=True)
+
+    def outcome(self, touched: Iterable[str] = (), error: str = "") -> Outcome:
+        """Judge how the drive ended for this robot.
+
+        Parameters
+        ----------
+        touched
+            What it drove into.
+        error
+            What ended the drive; empty if the planner's own state says enough.
+        """
+        off = self._planner.place()[:2] - self._pose[:2]
+        decision = self._decision
+        return outcome(
+            self.role, float(np.hypot(*off)), over=decision.over, error=error or decision.error,
+            blocked=decision.blocked, touched=touched,
+        )  # fmt: skip
+
+    def _sense(self) -> tuple[Sensed, Sensed]:
+        """Return what the robot knows, its pose in its own fixed frame and in the ground frame."""
         known = self.robot.sense()
         if known.points is not None:
             # As a PointCloud2 holds them: a record then has to the bit what the planner saw.
             known = known._replace(points=known.points.astype(np.float32))
         if self._origin is None and np.isfinite(known.pose).all():
             self._origin = origin_of(self._place, known.pose)
-        sensed = known._replace(pose=NO_POSE if self._origin is None else compose(self._origin, known.pose))
-        decision = self._planner.decide(t, sensed._replace(twist=np.nan_to_num(sensed.twist)))
-        command = self._shape(sensed, decision)
-        self.robot.send(command)
-        self._sent = command
-        self._make_sound(t, decision.blocked and not sensed.human)
-        share = slip.share(self._slip, sensed.twist[0])
-        return Step(
-            t, known, sensed.pose, self._planner.leader(), command, share,
-            decision.blocked, decision.error, decision.done,
+        self._pose = NO_POSE if self._origin is None else compose(self._origin, known.pose)
+        return known, known._replace(pose=self._pose)
+
+    def _tick(self, t: float, known: Sensed, command: Array) -> DriveTick:
+        decision = self._decision
+        share = slip.remaining_share(self._slip, known.twist[0])
+        return DriveTick(
+            t, known, self._pose, self._planner.leader(), command, share,
+            bool(decision.blocked), bool(decision.error), decision.done,
         )  # fmt: skip
 
     def _shape(self, sensed: Sensed, decision: Decision) -> Array:
@@ -83,7 +117,7 @@ class Driver:
         return command * (not decision.blocked, not decision.turn_held)
 
     def _make_sound(self, t: float, blocked: bool) -> None:
-        self._sound = sound.sound(self._sound, blocked, t)
+        self._sound = sound.next_sound(self._sound, blocked, t)
         if self._sound.say is not None:
             self.robot.warn(self._sound.say)
         if self._sound.beep:
@@ -91,44 +125,46 @@ class Driver:
 
 
 def run(
-    drivers: Sequence[Driver], pace: Pace, longest: float, tell: Callable[[Driver, Step], None] | None = None
-) -> bool:
-    """Drive until all are through.
+    drivers: Sequence[Driver], clock: Clock, longest: float, tell: Callable[[Driver, DriveTick], None] | None = None
+) -> None:
+    """Drive until all are through; `Driver.outcome` then says how it ended.
 
     Parameters
     ----------
     drivers
         Of this process.
-    pace
-        The clock; its time 0 is the start.
+    clock
+        Its time 0 is the start.
     longest
         s after the start at which to end in any case.
     tell
-        Called with every tick of every driver, which must not wait: the robots would.
-
-    Returns
-    -------
-    bool
-        Whether all came to the end without an error.
+        Called with every tick of every driver, which must not wait: the robots would. The last one tells of the zero
+        command that stops the robot.
 
     Notes
     -----
     Robots are closed, and so stopped, however this ends.
     """
-    over = good = False
+    over = False
+    last: list[DriveTick] = []
     try:
-        while pace.now() < 0:
-            pace.wait(False)
+        while clock.now() < 0:
+            clock.wait(False)
         while not over:
-            t = pace.now()
-            steps = [driver.tick(t) for driver in drivers]
-            if tell is not None:
-                for driver, step in zip(drivers, steps, strict=True):
-                    tell(driver, step)
-            done = all(step.done for step in steps)
-            good = done and not any(step.error for step in steps)
-            over = pace.wait(done or t >= longest)
+            t = clock.now()
+            ticks = [driver.tick(t) for driver in drivers]
+            _tell_all(tell, drivers, ticks)
+            over = clock.wait(all(tick.done for tick in ticks) or t >= longest)
+        last = [driver.stand(clock.now()) for driver in drivers]
     finally:
         for driver in drivers:
             driver.robot.close()
-    return good
+    _tell_all(tell, drivers, last)
+
+
+def _tell_all(
+    tell: Callable[[Driver, DriveTick], None] | None, drivers: Sequence[Driver], ticks: Sequence[DriveTick]
+) -> None:
+    if tell is not None:
+        for driver, tick in zip(drivers, ticks, strict=True):
+            tell(driver, tick)

@@ -2,38 +2,20 @@
 
 import numpy as np
 
-from mp2a.formation.choreography.ideal import drive
-from mp2a.formation.choreography.runner import Fleet
+from mp2a.formation.choreography.fleet import Fleet
+from mp2a.formation.choreography.ideal import obey
 from mp2a.formation.robot_models import RobotModel
+from mp2a.robots.adapters import AdapterConfig, AdapterResult
+from mp2a.robots.clock import VirtualClock
 from mp2a.robots.interface import Sensed
 from mp2a.spatial import Array
 
 
-class VirtualPace:
-    """Time that passes as fast as the loop runs; ``advance`` moves the robots by a tick.
-
-    Parameters
-    ----------
-    period
-        s a tick.
-    robots
-        What moves; each has ``advance(dt)``.
-    """
-
-    def __init__(self, period: float, robots: "list[DryRobot]") -> None:
-        self._period, self._robots = period, robots
-        self._tick = 0
-
-    def now(self) -> float:
-        """Tell the time since the start, s."""
-        return self._tick * self._period
-
-    def wait(self, done: bool = False) -> bool:
-        """Let a tick pass; returns ``done``."""
-        for robot in self._robots:
-            robot.advance(self._period)
-        self._tick += 1
-        return done
+def make(config: AdapterConfig) -> AdapterResult:
+    """Make the robots of this process."""
+    places = dict(zip(config.robots, config.places, strict=True))
+    robots = [DryRobot(config.robots[role].model, places[role]) for role in config.roles]
+    return AdapterResult(robots, VirtualClock(config.period, robots))
 
 
 class DryRobot:
@@ -47,20 +29,22 @@ class DryRobot:
         ``(3,)`` where it stands, m and rad.
     """
 
-    has_lidar = False
+    has_lidar = over = False
 
     def __init__(self, model: RobotModel, pose: Array) -> None:
-        self._fleet = Fleet(*(np.array([getattr(model, name)]) for name in Fleet._fields))
+        self._fleet = Fleet.of([model])
         self._pose = np.array(pose, dtype=float)[None]
         self._twist = np.zeros((1, 2))
         self._command = np.zeros((1, 2))
+        self._time = 0.0
 
-    def advance(self, dt: float) -> None:
-        """Drive for ``dt`` s."""
-        self._pose, self._twist = drive(self._fleet, self._pose, self._twist, self._command, dt)
+    def advance(self, t: float) -> None:
+        """Drive until ``t`` s."""
+        self._pose, self._twist = obey(self._fleet, self._pose, self._twist, self._command, t - self._time)
+        self._time = t
 
     def sense(self) -> Sensed:
-        """Tell where it is."""
+        """Return where it is."""
         return Sensed(self._pose[0].copy(), self._twist[0].copy(), None)
 
     def send(self, command: Array) -> None:

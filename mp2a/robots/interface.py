@@ -34,7 +34,7 @@ class Robot(Protocol):
     """Whether points are to be expected, so that their absence is a failure."""
 
     def sense(self) -> Sensed:
-        """Tell what is known now."""
+        """Return what is known now."""
 
     def send(self, command: Array) -> None:
         """Drive at a forward speed and turn rate ``(2,)``, m/s and rad/s, from now on."""
@@ -46,11 +46,11 @@ class Robot(Protocol):
         """Stop the robot and let go of it."""
 
 
-class Pace(Protocol):
+class Clock(Protocol):
     """The clock that a loop goes by, real or simulated."""
 
     def now(self) -> float:
-        """Tell the time since the start, s; negative before."""
+        """Return the time since the start, s; negative before."""
 
     def wait(self, done: bool) -> bool:
         """Wait for the next tick; ``done`` says whether the caller is through. Returns whether all are."""

@@ -1,15 +1,14 @@
 """What decides where a robot drives: a choreography, seen by one of its robots."""
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from mp2a.exceptions import InputError
-from mp2a.formation.choreography import follower
-from mp2a.formation.choreography.places import compose
 from mp2a.formation.choreography.runner import Choreography
-from mp2a.formation.odometry import Odometry, into_frame, onto_ground
+from mp2a.formation.pose_history import PoseHistory
 from mp2a.robots.interface import NO_POSE, Sensed
+from mp2a.se2 import act, act_inverse, compose, inverse
 from mp2a.spatial import Array
 
 
@@ -18,31 +17,25 @@ class Decision(NamedTuple):
 
     command: Array
     """``(2,)`` m/s and rad/s before slip and acceleration are looked at."""
-    blocked: bool
-    """A stop signal keeps it from driving where it should."""
+    blocked: str
+    """What keeps it from driving where it should; empty if nothing does."""
     turn_held: bool
     """A point keeps it from turning where it should."""
-    error: bool
-    """It is in its error state, for good."""
+    error: str
+    """What brought it into its error state, where it stays; empty if it is not in it."""
+    over: bool
+    """Its leader is through with the scenario."""
     done: bool
-    """There is nothing more to come."""
+    """There is nothing more to come: it is in its place, or in its error state, or has waited long enough."""
 
 
-class Planner(Protocol):
-    """Decides for one robot."""
-
-    def place(self) -> Array:
-        """Pose ``(3,)`` in the planner's ground frame that the robot is to have at present."""
-
-    def leader(self) -> Array:
-        """Point ``(2,)`` in the planner's ground frame whose path the robot is to follow."""
-
-    def decide(self, t: float, sensed: Sensed) -> Decision:
-        """Decide at ``t`` s after the start; the pose is in the planner's ground frame."""
+PATIENCE = 10.0
+"""s that a robot at whose end something is in the way waits for it to go away; ours."""
+_BY_SIGNAL = "another program's stop signal"
 
 
 class ChoreographyPlanner:
-    """One robot of a choreography. It needs no message of the others: each works out the virtual leaders by itself.
+    """Decides for one robot of a choreography, without a word from the others: each works out the leaders by itself.
 
     Parameters
     ----------
@@ -60,54 +53,61 @@ class ChoreographyPlanner:
         if role not in dance.robots:
             raise InputError(f"role: got {role!r}, expected one of {', '.join(dance.robots)}")
         self.dance, self._has_lidar, self._points_age = dance, has_lidar, points_age
-        self._odometry = Odometry(1)
+        self._history = PoseHistory(1)
         self._own = dance.robots.index(role)
+        self._error, self._held_since = "", np.inf
         n = len(dance.robots)
         # Of the others nothing is known here, so here they are lost; their own processes know better.
         self._poses, self._twists = np.tile(NO_POSE, (n, 1)), np.zeros((n, 2))
         self._points: list[Array | None] = [None] * n
 
     def place(self) -> Array:
-        """Where the choreography has the robot at present."""
-        out: Array = self.dance.places()[self._own]
+        """Return the pose ``(3,)`` in the ground frame that the robot is to have at present, m and rad."""
+        out: Array = self.dance.slot_poses()[self._own]
         return out
 
     def leader(self) -> Array:
-        """Where the robot's own leader is: the virtual leader, moved sideways into the robot's lane."""
-        out: Array = follower.lanes(self.dance.state.leaders)[self._own]
+        """Return the point ``(2,)`` m whose path the robot follows: its virtual leader, moved into its lane."""
+        out: Array = self.dance.state.leaders.points[self._own]
         return out
 
     def decide(self, t: float, sensed: Sensed) -> Decision:
-        """Run the choreography up to now."""
-        own = self._own
+        """Run the choreography up to ``t`` s after the start; the pose is in the ground frame."""
+        own, dance = self._own, self.dance
         self._poses[own] = sensed.pose
         self._twists[own] = sensed.twist
         self._points[own] = self._now(t, sensed)
-        commands = self.dance.step(t, self._poses, self._twists, self._points if self._has_lidar else None)
-        error = bool(self.dance.state.error[own])
-        asked = self.dance.state.asked[own, 0]
-        held = bool((sensed.stop_front and asked > 0) or (sensed.stop_rear and asked < 0))
-        done = self.dance.done or (held and bool(self.dance.ended.all()))
-        blocked = (held or bool(self.dance.blocked[own])) and not error
-        turn_held = bool(self.dance.turn_held[own])
-        return Decision(commands[own] * (not held, 1.0), blocked, turn_held, error, done)
+        commands = dance.step(t, self._poses, self._twists, self._points if self._has_lidar else None)
+        state = dance.state
+        if state.errors.failed[own] and not self._error:
+            self._error = "its pose was lost" if state.errors.lost_poses[own] else "its LIDAR was silent"
+        speed = state.raw_command[own, 0]
+        held = bool((sensed.stop_front and speed > 0) or (sensed.stop_rear and speed < 0))
+        blocked = "" if self._error else _BY_SIGNAL if held else self._in_the_way(speed)
+        self._held_since = min(self._held_since, t) if blocked else np.inf
+        over = bool(dance.ended[own])
+        stays = bool(self._error) or t - self._held_since >= PATIENCE or (not blocked and bool(dance.settled[own]))
+        command = commands[own] * (not held, 1.0)
+        return Decision(command, blocked, bool(dance.turn_held[own]), self._error, over, over and stays)
+
+    def _in_the_way(self, speed: float) -> str:
+        if not self.dance.blocked[self._own]:
+            return ""
+        return f"something {'in front of' if speed > 0 else 'behind'} it"
 
     def _now(self, t: float, sensed: Sensed) -> Array | None:
-        """Points where they are now, seen from the robot; as they came while it does not know where it is."""
+        """Return points where they are now, seen from the robot; as they came while it does not know where it is."""
         if not np.isfinite(sensed.pose).all():
             return sensed.points
-        self._odometry.add(t, sensed.pose[None])
+        self._history.add(t, sensed.pose[None])
         if sensed.points is None:
             return None
-        then = self._odometry.at(np.array([t - self._points_age]))[0]
+        then = self._history.at(np.array([t - self._points_age]))[0]
         if (then == sensed.pose).all():  # it stands: rounding shall not move points from cell to cell
             return sensed.points
-        return into_frame(onto_ground(np.asarray(sensed.points, dtype=float), then), sensed.pose)
+        return act_inverse(sensed.pose, act(then, sensed.points))
 
 
 def origin_of(place: Array, pose: Array) -> Array:
-    """Pose ``(3,)`` of the robot's fixed frame in the ground frame, if the robot at ``pose`` is at ``place``."""
-    heading = place[2] - pose[2]
-    at: Array = np.array([0.0, 0.0, heading])
-    offset = compose(at, np.array([pose[0], pose[1], 0.0]))
-    return np.array([place[0] - offset[0], place[1] - offset[1], heading])
+    """Return the pose ``(3,)`` in the ground frame of the fixed frame in which a robot at ``place`` is at ``pose``."""
+    return compose(place, inverse(pose))

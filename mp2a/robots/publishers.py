@@ -11,17 +11,17 @@ from pathlib import Path
 from typing import Any, Protocol
 
 Settings = Mapping[str, Any]
-"""Fields of `mp2a.robots.table.RobotInterface` by name, and where to publish."""
+"""Fields of `mp2a.robots.robot_config.RobotConfig` by name, and where to publish."""
 
 
-class Publisher(Protocol):
+class CommandPublisher(Protocol):
     """Sends commands to one robot."""
 
     def send(self, speed: float, turn_rate: float) -> None:
         """Publish a command, m/s and rad/s."""
 
     def human(self) -> bool:
-        """Whether a human drives the robot at present."""
+        """Return whether a human drives the robot at present."""
 
     def close(self) -> None:
         """Let go of the robot."""
@@ -53,14 +53,14 @@ class FilePublisher:
 
 PUBLISHERS = {
     "file": "mp2a.robots.publishers:FilePublisher",
-    "ros1": "mp2a.robots.ros1.publisher:Ros1Publisher",
-    "ros2": "mp2a.robots.ros2.publisher:Ros2Publisher",
+    "ros1": "mp2a.robots.ros_commands:RosCommands",
+    "ros2": "mp2a.robots.ros_commands:RosCommands",
 }
 """By name: module and class, imported by the watchdog alone. A new wire is one more line."""
 
 
-def open_publisher(settings: Settings) -> Publisher:
+def open_publisher(settings: Settings) -> CommandPublisher:
     """Build the publisher that the settings name."""
     module, _, name = PUBLISHERS[settings["publisher"]].partition(":")
-    make: Callable[[Settings], Publisher] = getattr(importlib.import_module(module), name)
+    make: Callable[[Settings], CommandPublisher] = getattr(importlib.import_module(module), name)
     return make(settings)

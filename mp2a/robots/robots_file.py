@@ -1,28 +1,20 @@
 """Robots files: TOML that says which robot plays which role, and what is different about it."""
 
 import dataclasses
-import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from mp2a.dependencies import parse_toml
 from mp2a.exceptions import InputError
 from mp2a.formation.robot_models import RobotModel
 from mp2a.robots.adapters import ADAPTERS
-from mp2a.robots.table import INTERFACES, RobotInterface
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
+from mp2a.robots.robot_config import ROBOT_CONFIGS, RobotConfig
 
 ORIGINS = ("in-place", "fixed-frame")
 _MODEL_FIELDS = {field.name: field.type for field in dataclasses.fields(RobotModel) if field.name != "name"}
-_FIELDS = {field.name: field.type for field in dataclasses.fields(RobotInterface) if field.name != "model"}
-_TOPICS = (
-    "command_topic", "human_topic", "odometry_topic", "pose_topic", "twist_topic", "points_topic", "sound_topic",
-    "ready_topic", "stop_front_topic", "stop_rear_topic", "obstacles_topic", "acquire", "release",
-)  # fmt: skip
+_FIELDS = {field.name: field.type for field in dataclasses.fields(RobotConfig) if field.name != "model"}
+_TOPICS = (*(name for name in _FIELDS if name.endswith("_topic") and name != "tf_topic"), "acquire", "release")
 _FRAMES = ("fixed_frame", "body_frame")
 
 
@@ -31,7 +23,7 @@ class RobotsFile(NamedTuple):
 
     Attributes
     ----------
-    interfaces
+    configs
         A robot by role.
     adapter
         What is behind them: one of `mp2a.robots.adapters.ADAPTERS`.
@@ -46,7 +38,7 @@ class RobotsFile(NamedTuple):
         s into it at which the scenario begins; None: as soon as pose and odometry are known.
     """
 
-    interfaces: dict[str, RobotInterface]
+    configs: dict[str, RobotConfig]
     adapter: str = "dry"
     origin: str = "in-place"
     world: Path | None = None
@@ -54,7 +46,7 @@ class RobotsFile(NamedTuple):
     begin: float | None = None
 
 
-def read(path: str | Path, roles: Sequence[str]) -> RobotsFile:
+def read_robots(path: str | Path, roles: Sequence[str]) -> RobotsFile:
     """Read a robots file for the roles of a scenario.
 
     Parameters
@@ -67,7 +59,7 @@ def read(path: str | Path, roles: Sequence[str]) -> RobotsFile:
     Returns
     -------
     RobotsFile
-        Interfaces and how to reach them.
+        The robots, and what is behind them.
 
     Raises
     ------
@@ -79,17 +71,14 @@ def read(path: str | Path, roles: Sequence[str]) -> RobotsFile:
         text = Path(path).read_bytes().decode("utf-8")
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read as a robots file ({error})") from error
-    found = parse(text, roles, str(path))
-    world, recording = (None if at is None else Path(path).parent / at for at in (found.world, found.recording))
-    return found._replace(world=world, recording=recording)
+    robots = parse_robots(text, roles, str(path))
+    world, recording = (None if at is None else Path(path).parent / at for at in (robots.world, robots.recording))
+    return robots._replace(world=world, recording=recording)
 
 
-def parse(text: str, roles: Sequence[str], where: str = "robots") -> RobotsFile:
+def parse_robots(text: str, roles: Sequence[str], where: str = "robots") -> RobotsFile:
     """Read robots from the text of a robots file; ``where`` is what errors call it."""
-    try:
-        tables = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{where}: cannot be read as TOML ({error})") from error
+    tables = parse_toml(text, where)
     robots = tables.pop("robots", {})
     if not isinstance(robots, dict) or not all(isinstance(entry, dict) for entry in robots.values()):
         raise InputError(f"{where}: robots: got {robots!r}, expected a table [robots.ROLE] for each role")
@@ -106,46 +95,47 @@ def parse(text: str, roles: Sequence[str], where: str = "robots") -> RobotsFile:
     missing = [role for role in roles if role not in robots]
     unknown = [role for role in robots if role not in roles]
     if missing or unknown:
-        given = f"no table [robots.{missing[0]}]" if missing else f"a table for unknown role {unknown[0]!r}"
-        raise InputError(f"{where}: got {given}, expected one for each of {', '.join(roles)}")
-    made = {role: _interface({**common, **robots[role]}, f"{where}: robots.{role}") for role in roles}
-    return RobotsFile(made, adapter, origin, world, recording)
+        wrong = f"no table [robots.{missing[0]}]" if missing else f"a table for unknown role {unknown[0]!r}"
+        raise InputError(f"{where}: got {wrong}, expected one for each of {', '.join(roles)}")
+    configs = {role: _config({**common, **robots[role]}, f"{where}: robots.{role}") for role in roles}
+    return RobotsFile(configs, adapter, origin, world, recording)
 
 
-def _interface(entry: Mapping[str, Any], where: str) -> RobotInterface:
-    given = dict(entry)
-    name = _one_of(where, "model", given.pop("model", None), tuple(INTERFACES))
-    namespace = given.pop("namespace", "")
+def _config(entry: Mapping[str, Any], where: str) -> RobotConfig:
+    fields = dict(entry)
+    base = ROBOT_CONFIGS[_one_of(where, "model", fields.pop("model", None), tuple(ROBOT_CONFIGS))]
+    namespace = fields.pop("namespace", "")
     if not isinstance(namespace, str) or namespace.strip("/ ") != namespace.lstrip("/"):
         raise InputError(f"{where}: namespace: got {namespace!r}, expected a name such as 'husky1'")
     known = {**_FIELDS, **_MODEL_FIELDS}
-    for key, value in given.items():
+    for key, value in fields.items():
         if key not in known:
             raise InputError(f"{where}: got {key!r}, expected one of model, namespace, {', '.join(known)}")
         wanted = (int, float) if known[key] is float else str
         if not isinstance(value, wanted) or isinstance(value, bool):
             what = "a number" if known[key] is float else "a text"
             raise InputError(f"{where}: {key}: got {value!r}, expected {what}")
-    base = INTERFACES[name]
-    limits: dict[str, Any] = {key: float(value) for key, value in given.items() if key in _MODEL_FIELDS}
-    own: dict[str, Any] = {key: value for key, value in given.items() if key in _FIELDS}
+    limits: dict[str, Any] = {key: fields.pop(key) for key in _MODEL_FIELDS if key in fields}
     try:
+        limits = {key: float(value) for key, value in limits.items()}
         model = dataclasses.replace(base.model, **limits)
-        made = dataclasses.replace(base, model=model, **own)
-    except InputError as error:
+        config = dataclasses.replace(base, model=model, **fields)
+    except (InputError, OverflowError) as error:
         raise InputError(f"{where}: {error}") from None
-    return within(made, namespace.strip("/"), keep=own) if namespace else made
+    return within(config, namespace.strip("/"), keep=fields) if namespace else config
 
 
-def within(interface: RobotInterface, namespace: str, keep: Mapping[str, Any] | None = None) -> RobotInterface:
-    """Put topics and frames into a namespace, as in simulations with one ROS master; not those in ``keep``."""
-    kept = {} if keep is None else keep
+def within(config: RobotConfig, namespace: str, keep: Collection[str] = ()) -> RobotConfig:
+    """Return a robot whose topics and frames are in a namespace, as in simulations with one ROS master.
+
+    Those in ``keep`` stay what they are.
+    """
     names: dict[str, Any] = {}
     for name in (*_TOPICS, *_FRAMES):
-        value = getattr(interface, name)
-        if value and name not in kept:
+        value = getattr(config, name)
+        if value and name not in keep:
             names[name] = f"{namespace}/{value}" if name in _FRAMES else f"/{namespace}/{value.lstrip('/')}"
-    return dataclasses.replace(interface, **names)
+    return dataclasses.replace(config, **names)
 
 
 def _path(where: str, name: str, value: Any, what: str) -> Path | None:

@@ -5,16 +5,38 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mp2a.robots.adapters import AdapterConfig, AdapterResult
 from mp2a.robots.interface import Sensed
+from mp2a.simulator import Simulation, World, read_world
 from mp2a.simulator.observation import Observation
-from mp2a.simulator.simulation import Simulation
 from mp2a.spatial import Array
 
 if TYPE_CHECKING:
     from mp2a.mpi import MPI
 
+_SOLID = "a wall or an obstacle"
 
-class SimulatedPace:
+
+def make(config: AdapterConfig) -> AdapterResult:
+    """Make the simulation, and the robots of this process."""
+    roles = tuple(config.robots)
+    world = World() if config.world is None else read_world(config.world)
+    simulation = Simulation(world, [robot.model for robot in config.robots.values()], config.places)
+    clock = SimulationClock(simulation, config.period, [roles.index(role) for role in config.roles], config.comm)
+
+    def touched() -> dict[str, list[str]]:
+        out: dict[str, dict[str, None]] = {role: {} for role in roles}  # each once, in the order of time
+        for collision in simulation.collisions:
+            other = None if collision.other is None else roles[collision.other]
+            out[roles[collision.robot]][other or _SOLID] = None
+            if other is not None:
+                out[other][roles[collision.robot]] = None
+        return {role: list(things) for role, things in out.items()}
+
+    return AdapterResult(clock.robots, clock, touched=touched)
+
+
+class SimulationClock:
     """Time of a simulation: a tick gives everybody's commands to it and lets it go on.
 
     With a communicator every rank has the same simulation and one robot of it. Commands are exchanged each tick; since
@@ -30,6 +52,13 @@ class SimulatedPace:
         Numbers of the robots that this process drives, from 0.
     comm
         With as many ranks as robots; None: all are driven here.
+
+    Attributes
+    ----------
+    robots : list of SimulatedRobot
+        Those of this process.
+    sensed
+        What all robots know at this tick.
     """
 
     def __init__(
@@ -38,16 +67,12 @@ class SimulatedPace:
         self.simulation = simulation
         self._period, self._comm = period, comm
         self._commands = np.zeros((len(simulation), 2))
-        self._sensed: Observation = simulation.sense()
+        self.sensed: Observation = simulation.sense()
         self.robots = [SimulatedRobot(self, number) for number in own]
 
     def now(self) -> float:
-        """Tell the simulated time, s."""
+        """Return the simulated time, s."""
         return self.simulation.time
-
-    def sensed(self) -> Observation:
-        """Tell what the robots know at this tick."""
-        return self._sensed
 
     def give(self, number: int, command: Array) -> None:
         """Set one robot's command."""
@@ -60,7 +85,7 @@ class SimulatedPace:
             rows = self._comm.allgather((commands[self._comm.rank].tolist(), done))
             commands, done = np.array([row for row, _ in rows]), all(other for _, other in rows)
         self.simulation.step(commands, self._period)
-        self._sensed = self.simulation.sense()
+        self.sensed = self.simulation.sense()
         return done
 
 
@@ -69,18 +94,18 @@ class SimulatedRobot:
 
     has_lidar = True
 
-    def __init__(self, pace: SimulatedPace, number: int) -> None:
-        self._pace, self._number = pace, number
+    def __init__(self, clock: SimulationClock, number: int) -> None:
+        self._clock, self._number = clock, number
         self.warnings: list[str | None] = []
 
     def sense(self) -> Sensed:
-        """Tell what the simulator says."""
-        seen, i = self._pace.sensed(), self._number
+        """Return what the simulator says."""
+        seen, i = self._clock.sensed, self._number
         return Sensed(seen.poses[i], seen.twists[i], seen.news[i])
 
     def send(self, command: Array) -> None:
         """Take a command for the next tick."""
-        self._pace.give(self._number, command)
+        self._clock.give(self._number, command)
 
     def warn(self, text: str | None) -> None:
         """Remember what would be said."""
@@ -88,4 +113,4 @@ class SimulatedRobot:
 
     def close(self) -> None:
         """Stand."""
-        self._pace.give(self._number, np.zeros(2))
+        self._clock.give(self._number, np.zeros(2))

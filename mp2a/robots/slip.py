@@ -56,14 +56,14 @@ def _weights(speed: float) -> Array:
     return np.array([1.0 - driving, driving])
 
 
-def share(slip: Slip, speed: float) -> float:
-    """Tell what share of a commanded turn is left at a speed, m/s."""
+def remaining_share(slip: Slip, speed: float) -> float:
+    """Return what share of a commanded turn is left at a speed, m/s."""
     return float(_weights(speed) @ slip.shares)
 
 
 def compensate(slip: Slip, command: Array, speed: float) -> Array:
     """Enlarge the turn of a command ``(2,)`` at ``speed``, m/s, so that after slip it is as wanted."""
-    return np.array([command[0], command[1] / share(slip, speed)])
+    return np.array([command[0], command[1] / remaining_share(slip, speed)])
 
 
 def learn(slip: Slip, sent: float, twist: Array, dt: float) -> Slip:

@@ -22,8 +22,8 @@ class Sound(NamedTuple):
 CLEAR = Sound(None, False, None)
 
 
-def sound(before: Sound, blocked: bool, now: float) -> Sound:
-    """Say the sentence once the robot has to stop, then beep every three seconds until the way is clear."""
+def next_sound(before: Sound, blocked: bool, now: float) -> Sound:
+    """Return what is heard next: a sentence once the robot has to stop, then beeps as long as the way is not clear."""
     if not blocked:
         return CLEAR
     if before.next_beep is None:

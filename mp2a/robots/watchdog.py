@@ -2,8 +2,9 @@
 
 ``python -m mp2a.robots.watchdog SETTINGS`` (`mp2a.robots.sender` starts it) reads commands from its standard input, 16
 bytes each: speed and turn rate as doubles. It repeats the newest one at the robot's rate. No new one for the patience:
-the planner stalls. End of input: the planner has ended or was killed, or MPI ended it. A signal: somebody ends all
-this. In each case it sends zero for half a second and ends. It never takes up driving again.
+the planner stalls. End of input: the planner has ended or was killed, or MPI ended it. The launcher of the planner's
+rank has ended: mpirun was killed. A signal: somebody ends all this. In each case it sends zero for half a second and
+ends. It never takes up driving again.
 
 Nobody but this process sends to the robot, so that a planner that wakes up later cannot. It runs in a session of its
 own, so that what ends the planner does not end it. If it is killed itself, nothing is sent any more, and the robot's
@@ -21,13 +22,14 @@ import time
 from typing import NamedTuple
 
 from mp2a.exceptions import DependencyError
-from mp2a.robots.publishers import Publisher, Settings, open_publisher
+from mp2a.robots.child import READY
+from mp2a.robots.launcher import open_launcher
+from mp2a.robots.publishers import CommandPublisher, Settings, open_publisher
 
 COMMAND = struct.Struct("<dd")
 """A command on the pipe; not a number: the planner has come to its end."""
-READY = "ready\n"
-ENDED, PLANNER_GONE, STALLED, SIGNALLED = 0, 3, 4, 5
-"""Exit status: as told; end of input; patience over; signal."""
+ENDED, PLANNER_GONE, STALLED, SIGNALLED, LAUNCHER_GONE = 0, 3, 4, 5, 6
+"""Exit status: as told; end of input; patience over; signal; mpirun gone."""
 _ZERO_FOR = 0.5
 """s for which zero is sent before the end."""
 _PIPE = 4096
@@ -69,12 +71,16 @@ def main() -> int:
     return status
 
 
-def _relay(publisher: Publisher, settings: Settings, signalled: list[int]) -> int:
+def _relay(publisher: CommandPublisher, settings: Settings, signalled: list[int]) -> int:
     period, patience = 1.0 / settings["rate"], settings["patience"]
     heard = Heard(None, 0.0, b"", None)
+    try:
+        launcher = open_launcher(settings["launcher"])
+    except ProcessLookupError:
+        return LAUNCHER_GONE
     due = time.monotonic()
     while True:
-        heard = _listen(heard, max(0.0, due - time.monotonic()))
+        heard = _listen(heard, max(0.0, due - time.monotonic()), launcher)
         now = time.monotonic()
         if signalled:
             return SIGNALLED
@@ -89,9 +95,12 @@ def _relay(publisher: Publisher, settings: Settings, signalled: list[int]) -> in
             publisher.send(*_within(heard.command, settings))
 
 
-def _listen(before: Heard, longest: float) -> Heard:
+def _listen(before: Heard, longest: float, launcher: int | None) -> Heard:
     """Wait for commands for at most ``longest`` s, and take the newest."""
-    if not select.select([0], [], [], longest)[0]:
+    readable, _, _ = select.select([0] if launcher is None else [0, launcher], [], [], longest)
+    if launcher in readable:
+        return before._replace(ended=LAUNCHER_GONE)
+    if not readable:
         return before
     data = os.read(0, _PIPE)
     if not data:
@@ -112,7 +121,7 @@ def _within(command: tuple[float, float], settings: Settings) -> tuple[float, fl
     return min(max(command[0], -speed), speed), min(max(command[1], -turn_rate), turn_rate)
 
 
-def _stop(publisher: Publisher, settings: Settings) -> None:
+def _stop(publisher: CommandPublisher, settings: Settings) -> None:
     period = 1.0 / settings["rate"]
     for _ in range(max(2, round(_ZERO_FOR / period))):
         if not publisher.human():

@@ -3,11 +3,12 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
-from mp2a.simulator.drive import arc
-from mp2a.simulator.world import World, rectangles
+from mp2a.formation.constants import STOP_DISTANCE, STOP_SIDE
+from mp2a.se2 import compose
+from mp2a.simulator.vehicle import move
+from mp2a.simulator.world import World, geometry, rectangles
 from mp2a.spatial import Array
 
 _HALVINGS = 12
@@ -37,18 +38,19 @@ class Contacts:
     """
 
     def __init__(self, world: World, lengths: Array, widths: Array) -> None:
+        self._shapely = shapely = geometry()
         self._lengths, self._widths = lengths, widths
         self._shapes = world.shapes
         self._tree = shapely.STRtree(self._shapes)
 
     def outlines(self, poses: Array) -> Any:
-        """Robots at poses ``(n, 3)`` as ``n`` shapely polygons."""
-        return shapely.polygons(rectangles(poses, self._lengths, self._widths))
+        """Return robots at poses ``(n, 3)`` as ``n`` shapely polygons."""
+        return self._shapely.polygons(rectangles(poses, self._lengths, self._widths))
 
     def touching(self, poses: Array) -> Pairs:
-        """Pairs ``(p, 2)`` that touch or overlap: robots with a lower number first, then robots with shapes."""
+        """Return the pairs ``(p, 2)`` that touch: robots with the lower number first, then robots with shapes."""
         outlines = self.outlines(poses)
-        robots = shapely.STRtree(outlines).query(outlines, predicate="intersects").T
+        robots = self._shapely.STRtree(outlines).query(outlines, predicate="intersects").T
         shapes = self._tree.query(outlines, predicate="intersects").T + np.array((0, len(outlines)))
         pairs = np.concatenate((robots[robots[:, 0] < robots[:, 1]], shapes))
         return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
@@ -72,7 +74,7 @@ class Contacts:
             at all where that would bring it in another's way. One that is only driven into goes on.
         """
         n = len(poses)
-        moved = arc(poses, twists, dt)
+        moved = move(poses, twists, dt)
         pairs = self.touching(moved)
         if not len(pairs):
             return Advance(moved, np.zeros(n, dtype=bool), pairs)
@@ -87,14 +89,14 @@ class Contacts:
         free, met = np.zeros(n), np.ones(n)
         for _ in range(_HALVINGS):
             middle = (free + met) / 2
-            tried = arc(poses, twists, np.where(held, middle, 1.0) * dt)
+            tried = move(poses, twists, np.where(held, middle, 1.0) * dt)
             hit = _robots(self.touching(tried), n)
             free, met = np.where(hit, free, middle), np.where(hit, middle, met)
         share = np.where(held, free, 1.0)
-        while (left := _robots(self.touching(arc(poses, twists, share * dt)), n) & (share > 0)).any():
+        while (left := _robots(self.touching(move(poses, twists, share * dt)), n) & (share > 0)).any():
             share[left] = 0.0
             held |= left
-        return Advance(arc(poses, twists, share * dt), held, np.unique(pairs, axis=0))
+        return Advance(move(poses, twists, share * dt), held, np.unique(pairs, axis=0))
 
     def _who_drove(self, poses: Array, moved: Array, pairs: Pairs) -> tuple[Pairs, NDArray[np.bool_]]:
         """Tell who of each pair drove into the other, who is put first; and who of all robots drove into anything.
@@ -106,18 +108,34 @@ class Contacts:
         driven = np.stack((np.ones(len(pairs), dtype=bool), np.zeros(len(pairs), dtype=bool)), axis=1)
         both = pairs[:, 1] < n
         i, j = pairs[both].T
-        alone = np.stack((shapely.intersects(after[i], before[j]), shapely.intersects(before[i], after[j])), axis=1)
+        intersects = self._shapely.intersects
+        alone = np.stack((intersects(after[i], before[j]), intersects(before[i], after[j])), axis=1)
         driven[both] = alone | ~alone.any(axis=1, keepdims=True)
         held = np.zeros(n, dtype=bool)
         held[pairs[driven]] = True
         return np.where(driven[:, :1], pairs, pairs[:, ::-1]), held
 
     def place(self, poses: Array, robot: int, other: int) -> Array:
-        """Middle ``(2,)`` m of the gap between a robot and what it met, as numbered by `touching`."""
-        outlines = self.outlines(poses)
-        shape = outlines[other] if other < len(outlines) else self._shapes[other - len(outlines)]
-        out: Array = shapely.get_coordinates(shapely.shortest_line(outlines[robot], shape)).mean(axis=0)
+        """Return the middle ``(2,)`` m of the gap between a robot and what it met, as numbered by `touching`."""
+        things = np.concatenate((self.outlines(poses), self._shapes))
+        shortest = self._shapely.shortest_line(things[robot], things[other])
+        out: Array = self._shapely.get_coordinates(shortest).mean(axis=0)
         return out
+
+    def in_the_way(self, poses: Array, robot: int, direction: int) -> int | None:
+        """Return what is nearest in a robot's stop zone ahead (``direction`` 1) or behind (-1); None if nothing is.
+
+        Robots and shapes are numbered as by `touching`.
+        """
+        length, width = STOP_DISTANCE, self._widths[robot] + 2 * STOP_SIDE
+        middle = compose(poses[robot], np.array([direction * (self._lengths[robot] + length) / 2, 0.0, 0.0]))
+        [zone] = self._shapely.polygons(rectangles(middle[None], np.array([length]), np.array([width])))
+        things = np.concatenate((self.outlines(poses), self._shapes))
+        inside = np.flatnonzero(self._shapely.intersects(things, zone))
+        inside = inside[inside != robot]
+        if not len(inside):
+            return None
+        return int(inside[np.argmin(self._shapely.distance(things[inside], things[robot]))])
 
 
 def _robots(pairs: Pairs, n: int) -> NDArray[np.bool_]:

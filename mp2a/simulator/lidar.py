@@ -5,12 +5,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.checks import count, positive
+from mp2a.checks import between, count, positive
+from mp2a.se2 import act_inverse
 from mp2a.simulator.world import rectangles
 from mp2a.spatial import Array
 
 Indices = NDArray[np.intp]
 
+_MOST_RAYS = 100_000
 _BLOCK = 4096  # segments at a time: what they need stays in the cache
 
 
@@ -32,10 +34,11 @@ class Lidar(NamedTuple):
 
     def check(self) -> None:
         """Raise InputError unless all fields make sense."""
-        count("lidar.rays", self.rays)
-        positive("lidar.period", self.period)
+        between("lidar.rays", count("lidar.rays", self.rays), 1, _MOST_RAYS, "a scan")
+        between("lidar.period", self.period, 1e-3, 1e3, "s")
+        between("lidar.delay", self.delay, 0, 60, "s")
         positive("lidar.farthest", self.farthest)
-        for name in ("delay", "nearest", "noise"):
+        for name in ("nearest", "noise"):
             positive(f"lidar.{name}", getattr(self, name), or_zero=True)
 
     @property
@@ -72,7 +75,7 @@ def ranges(lidar: Lidar, poses: Array, lengths: Array, widths: Array, segments: 
     for seers, ends in (_of_world(lidar, poses, segments), _of_robots(lidar, poses, lengths, widths)):
         for k in range(0, len(seers), _BLOCK):
             here = seers[k : k + _BLOCK]
-            local = _into_frames(poses[here], ends[k : k + _BLOCK])
+            local = act_inverse(poses[here, None], ends[k : k + _BLOCK])
             pairs, rays = _candidates(lidar, local)
             far = _meet(directions[rays], local, pairs)
             np.minimum.at(found.reshape(-1), here[pairs] * lidar.rays + rays, far)
@@ -104,24 +107,12 @@ def _of_robots(lidar: Lidar, poses: Array, lengths: Array, widths: Array) -> tup
     np.fill_diagonal(near, False)
     seers, others = np.nonzero(near)
     # Where the robot is, as seen from the other's middle, tells which sides of the other's rectangle face it.
-    x, y = _turned_back(poses[others, 2], poses[seers, :2] - poses[others, :2]).T
+    x, y = act_inverse(poses[others], poses[seers, :2]).T
     half_x, half_y = lengths[others] / 2, widths[others] / 2
     pairs, side = np.nonzero(np.stack((y > half_y, x < -half_x, y < -half_y, x > half_x), axis=-1))
     corners = rectangles(poses, lengths, widths)
     seen = others[pairs]
     return seers[pairs], np.stack((corners[seen, side], corners[seen, (side + 1) % 4]), axis=1)
-
-
-def _into_frames(poses: Array, ends: Array) -> Array:
-    """Express segments ``(p, 2, 2)`` of the ground frame in the frame of a robot each, at poses ``(p, 3)``."""
-    return _turned_back(poses[:, 2, None], ends - poses[:, None, :2])
-
-
-def _turned_back(headings: Array, vectors: Array) -> Array:
-    """Turn vectors ``(…, 2)`` of the ground frame into frames with these headings ``(…)``."""
-    cosine, sine = np.cos(headings), np.sin(headings)
-    x, y = vectors[..., 0], vectors[..., 1]
-    return np.stack((cosine * x + sine * y, cosine * y - sine * x), axis=-1)
 
 
 def _candidates(lidar: Lidar, local: Array) -> tuple[Indices, Indices]:

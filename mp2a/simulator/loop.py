@@ -6,19 +6,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mp2a.checks import positive
+from mp2a.exceptions import InputError
 from mp2a.simulator.observation import Observation
-from mp2a.simulator.recording import Recorder
+from mp2a.simulator.recording import RunRecorder
 from mp2a.simulator.simulation import Simulation
+
+MOST_TICKS = 1_000_000
+"""A run of more is taken for a mistake: a day of ticks of 0.1 s."""
 
 Controller = Callable[[Observation], ArrayLike | None]
 """What the robots know to commands ``(n, 2)``, m/s and rad/s; None ends the run."""
 
 
-def run(
+def simulate(
     simulation: Simulation,
     controller: Controller,
     until: float,
-    recorder: Recorder | None = None,
+    recorder: RunRecorder | None = None,
     *,
     tick: float = 0.1,
     quiet: bool = False,
@@ -32,24 +36,31 @@ def run(
     controller
         Called once a tick.
     until
-        Simulated time at which to end, s.
+        Simulated time at which to end, s; rounded up to whole ticks.
     recorder
         Given each tick, and the last state without commands.
     tick
         s between commands.
     quiet
         Show no bar.
+
+    Raises
+    ------
+    InputError
+        If a time is not positive and finite, or there are more than `MOST_TICKS` ticks.
     """
     from rich.console import Console
     from rich.progress import Progress
 
     positive("tick", tick)
-    end = positive("until", until)
-    console = Console(stderr=True)
     start = simulation.time
+    ticks = np.ceil((positive("until", until) - start) / tick - 1e-9)
+    if ticks > MOST_TICKS:
+        raise InputError(f"until: got {until:g} s in ticks of {tick:g} s, expected at most {MOST_TICKS} ticks")
+    console = Console(stderr=True)
     with Progress(console=console, disable=quiet or not console.is_terminal, transient=True) as bar:
-        task = bar.add_task("simulating", total=end - start)
-        for _ in range(int(np.ceil((end - start) / tick - 1e-9))):
+        task = bar.add_task("simulating", total=until - start)
+        for _ in range(int(ticks)):
             sensed = simulation.sense()
             commands = controller(sensed)
             if commands is None:

@@ -1,48 +1,37 @@
 """Recordings as MCAP files, which Foxglove opens: its own message types, written by its own library."""
 
+import io
 import json
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from mp2a.exceptions import DependencyError
-from mp2a.simulator.observation import STATES
+from mp2a.dependencies import need
+from mp2a.simulator.events import GOOD_NEWS
+from mp2a.simulator.recording import Recording
 from mp2a.spatial import Array
-
-if TYPE_CHECKING:
-    from mp2a.simulator.recording import Recording
 
 GROUND = "ground"
 """Name of the ground frame; robot i has the frame ``robot_i``, counted from 1."""
 
 _HEIGHT = 0.4  # m, of robots and obstacles: pictures want one, the simulation has none
-_GOOD_NEWS = tuple(ended for _, ended in STATES if ended)  # the end of a state; all else is a warning
 _MOTION = ("speed", "turn_rate", "commanded_speed", "commanded_turn_rate", "leader_distance", "wanted_distance")
 _SCHEMA = {"type": "object", "title": "Motion", "properties": {name: {"type": "number"} for name in _MOTION}}
 
 
-def write(recording: "Recording", path: Path) -> None:
-    """Write a recording as MCAP; times begin at 0.
+def to_mcap(recording: Recording) -> bytes:
+    """Return the content of an MCAP file of a recording; times begin at 0.
 
-    Parameters
-    ----------
-    recording
-        What to write.
-    path
-        Where; an older file is replaced.
+    It is made in memory, for foxglove-sdk does not say when a disk is full.
 
     Raises
     ------
     DependencyError
         If foxglove-sdk is not installed.
     """
-    try:
-        import foxglove
-        from foxglove import channels, messages
-    except ImportError as error:
-        raise DependencyError("MCAP files need foxglove-sdk: pip install 'mp2a[record]'") from error
-
+    needed: dict[str, Any] = {"extra": "record", "package": "foxglove-sdk", "purpose": "an MCAP file"}
+    foxglove, channels = (need(module, **needed) for module in ("foxglove", "foxglove.channels"))
+    messages = need("foxglove.messages", **needed)
     context = foxglove.Context()
     n, gaps = len(recording.models), recording.gaps
     frames = [f"robot_{i + 1}" for i in range(n)]
@@ -55,7 +44,8 @@ def write(recording: "Recording", path: Path) -> None:
         foxglove.Channel(f"/{frame}/motion", message_encoding="json", schema=_SCHEMA, context=context)
         for frame in frames
     ]
-    with foxglove.open_mcap(path, allow_overwrite=True, context=context):
+    file = io.BytesIO()
+    with foxglove.open_mcap(file, context=context):
         first = _ns(recording.times[0])
         world.log(_world(messages, recording), log_time=first)
         robots.log(_robots(messages, recording, frames), log_time=first)
@@ -72,9 +62,10 @@ def write(recording: "Recording", path: Path) -> None:
                     scans[i].log(cloud, log_time=now)
         for event in recording.events:
             now = _ns(event.time)
-            level = messages.LogLevel.Info if event.text.endswith(_GOOD_NEWS) else messages.LogLevel.Warning
-            stamp, name = _stamp(messages, now), frames[event.robot]
-            events.log(messages.Log(timestamp=stamp, level=level, message=event.text, name=name), log_time=now)
+            level = messages.LogLevel.Info if event.kind in GOOD_NEWS else messages.LogLevel.Warning
+            stamp, name, text = _stamp(messages, now), frames[event.robot], event.text(recording.roles)
+            events.log(messages.Log(timestamp=stamp, level=level, message=text, name=name), log_time=now)
+    return file.getvalue()
 
 
 def _ns(time: float) -> int:
@@ -119,22 +110,30 @@ def _cloud(messages: Any, points: Any, frame: str, stamp: int) -> Any:
     )
 
 
-def _world(messages: Any, recording: "Recording") -> Any:
+def _world(messages: Any, recording: Recording) -> Any:
     color = messages.Color(r=0.25, g=0.25, b=0.25, a=1.0)
-    lines = [
-        messages.LinePrimitive(
-            type=messages.LinePrimitiveLineType.LineStrip,
-            thickness=0.05,
-            points=[messages.Point3(x=x, y=y, z=_HEIGHT / 2) for x, y in line.tolist()],
-            color=color,
-        )
-        for line in recording.world.lines
-    ]
-    entity = messages.SceneEntity(timestamp=_stamp(messages, 0), frame_id=GROUND, id="world", lines=lines)
-    return messages.SceneUpdate(entities=[entity])
+    faint = messages.Color(r=0.25, g=0.25, b=0.25, a=0.4)
+    outlines = (
+        ("world", recording.world.lines, _HEIGHT / 2, color),
+        ("leader paths", recording.leader_paths, 0.0, faint),
+    )
+    entities = []
+    for name, lines, height, shade in outlines:
+        strips = [
+            messages.LinePrimitive(
+                type=messages.LinePrimitiveLineType.LineStrip,
+                thickness=0.05,
+                points=[messages.Point3(x=x, y=y, z=height) for x, y in line.tolist()],
+                color=shade,
+            )
+            for line in lines
+        ]
+        stamp = _stamp(messages, 0)
+        entities.append(messages.SceneEntity(timestamp=stamp, frame_id=GROUND, id=name, lines=strips))
+    return messages.SceneUpdate(entities=entities)
 
 
-def _robots(messages: Any, recording: "Recording", frames: list[str]) -> Any:
+def _robots(messages: Any, recording: Recording, frames: list[str]) -> Any:
     entities = []
     for i, (model, frame) in enumerate(zip(recording.models, frames, strict=True)):
         body = messages.CubePrimitive(
@@ -155,7 +154,7 @@ def _robots(messages: Any, recording: "Recording", frames: list[str]) -> Any:
             billboard=True,
             font_size=0.3,
             color=messages.Color(a=1.0),
-            text=str(i + 1),
+            text=recording.roles[i],
         )
         robot = messages.SceneEntity(
             timestamp=_stamp(messages, 0), frame_id=frame, id=frame, frame_locked=True, cubes=[body], arrows=[front],

@@ -5,13 +5,13 @@ Robots tell each other nothing by it.
 """
 
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from mp2a.exceptions import InputError
 from mp2a.mpi import MPI
+from mp2a.simulator.driver import SimulationDriver
+from mp2a.simulator.loop import Controller
 from mp2a.simulator.observation import Observation
 from mp2a.spatial import Array
 from mp2a.transport.agreement import raise_together
@@ -22,24 +22,11 @@ _ROW = 11
 _REPLY = 4
 """Command, whether the robot is done, and whether something is wrong with it."""
 
-World = Callable[[Callable[[Observation], ArrayLike | None]], None]
+Run = Callable[[Controller], None]
 """Run a simulation with a controller."""
 
 
-class Robots(Protocol):
-    """What drives the robots of a process."""
-
-    @property
-    def done(self) -> bool:
-        """Whether they have come to their end."""
-        ...
-
-    def step(self, sensed: Observation) -> Array:
-        """Commands for what they know."""
-        ...
-
-
-def perform(comm: MPI.Intracomm, robot: Robots, world: World | None) -> None:
+def simulate_over_ranks(comm: MPI.Intracomm, robot: SimulationDriver, run: Run | None) -> None:
     """Let every rank drive one robot of a simulated world; collective.
 
     Parameters
@@ -47,18 +34,18 @@ def perform(comm: MPI.Intracomm, robot: Robots, world: World | None) -> None:
     comm
         Rank i drives robot i.
     robot
-        This rank's.
-    world
+        What drives this rank's robot.
+    run
         Runs the simulation with the controller it is given; on rank 0 only, None on others. The controller ends the run
         when all robots are done.
 
     Raises
     ------
     InputError
-        On every rank, if the world or a robot of any raises it; the run ends there.
+        On every rank, if the run or a robot of any raises it; the run ends there.
     """
     wrong: InputError | None = None
-    if world is None:
+    if run is None:
         while (sensed := _receive(comm)) is not None:
             reply, wrong = _reply(robot, sensed)
             wait(comm.Igather(reply, None, 0))
@@ -67,14 +54,14 @@ def perform(comm: MPI.Intracomm, robot: Robots, world: World | None) -> None:
 
     def everyone(sensed: Observation) -> Array | None:
         nonlocal wrong
-        mine = _send(comm, sensed)
+        own = _send(comm, sensed)
         replies = np.empty((comm.size, _REPLY))
-        reply, wrong = _reply(robot, mine)
+        reply, wrong = _reply(robot, own)
         wait(comm.Igather(reply, replies, 0))
         return None if replies[:, 2].all() or replies[:, 3].any() else replies[:, :2]
 
     try:
-        world(everyone)
+        run(everyone)
     except InputError as error:
         wrong = wrong or error
     finally:
@@ -84,7 +71,7 @@ def perform(comm: MPI.Intracomm, robot: Robots, world: World | None) -> None:
     _end(comm, wrong)
 
 
-def _reply(robot: Robots, sensed: Observation) -> tuple[Array, InputError | None]:
+def _reply(robot: SimulationDriver, sensed: Observation) -> tuple[Array, InputError | None]:
     try:
         command = robot.step(sensed)[0]
     except InputError as error:
@@ -94,8 +81,8 @@ def _reply(robot: Robots, sensed: Observation) -> tuple[Array, InputError | None
 
 def _end(comm: MPI.Intracomm, wrong: InputError | None) -> None:
     """Raise the same error on every rank if there was one on any."""
-    told = comm.allgather(None if wrong is None else str(wrong))
-    if wrong is not None and len(set(told)) == 1:
+    texts = comm.allgather(None if wrong is None else str(wrong))
+    if wrong is not None and len(set(texts)) == 1:
         raise wrong  # the robots have agreed on it already
     raise_together(comm, wrong)
 

@@ -7,41 +7,25 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mp2a.checks import array, count, numbers, positive
+from mp2a.checks import array, between, count, numbers, positive
 from mp2a.exceptions import InputError
 from mp2a.formation.robot_models import RobotModel
 from mp2a.simulator.contacts import Contacts
-from mp2a.simulator.drive import TurnSlip, arc, respond
+from mp2a.simulator.events import SOLID, EventKind, RobotEvent
 from mp2a.simulator.lidar import Lidar, points, ranges
 from mp2a.simulator.observation import Observation
-from mp2a.simulator.world import World
+from mp2a.simulator.vehicle import TurnSlip, move, respond
+from mp2a.simulator.world import FARTHEST, World
 from mp2a.spatial import Array
 
 HUSKY_TIMEOUT = 0.25
 """s after which Clearpath's controller stops a HUSKY that hears no more commands (ROS Noetic)."""
 
 _LONGEST_STEP = 0.02  # s, as of HUSKY's own controller, which runs at 50 Hz
+_SPEEDS, _SIZES, _STEPS = (1e-6, 100.0), (0.01, 100.0), (1e-6, 60.0)  # m/s, m and s; beyond is taken for a mistake
 _SAME_CONTACT = 1.0  # s: who meets the same thing again sooner has not been free of it
 _DIGITS = 9  # time is told in whole ns, so that ticks do not add up to 0.30000000000000004
 _SLACK = 1e-9  # s, rounding of sums of times
-
-
-class Collision(NamedTuple):
-    """A robot drove into something and was stopped."""
-
-    time: float
-    """s"""
-    robot: int
-    """From 0: who drove into the other; if both did, the one with the lower number."""
-    other: int | None
-    """The other robot, or None for a wall or an obstacle."""
-    place: tuple[float, float]
-    """m in the ground frame."""
-
-    def __str__(self) -> str:
-        what = "a wall or an obstacle" if self.other is None else f"robot {self.other + 1}"
-        x, y = self.place
-        return f"robot {self.robot + 1} met {what} at ({x:.2f}, {y:.2f}) m after {self.time:.2f} s"
 
 
 class _Scan(NamedTuple):
@@ -77,8 +61,8 @@ class Simulation:
         s
     poses, twists
         ``(n, 3)`` and ``(n, 2)``, as in `Observation`.
-    collisions : list of Collision
-        All so far. A contact that lasts, or that comes again within a second, is in it once.
+    collisions : list of RobotEvent
+        All so far, of the kind ``COLLISION``. A contact that lasts, or that comes again within a second, is in it once.
 
     Raises
     ------
@@ -98,10 +82,17 @@ class Simulation:
         seed: int = 0,
     ) -> None:
         self.poses: Array = array("poses", poses, (None, 3))
+        if (far := np.abs(self.poses[:, :2]) > FARTHEST).any():
+            given = self.poses[:, :2][far][0]
+            raise InputError(f"poses: got {given:g} m, expected coordinates of at most {FARTHEST:g} m")
         n = count("number of poses", len(self.poses))
         self.models = (models,) * n if isinstance(models, RobotModel) else tuple(models)
         if len(self.models) != n:
             raise InputError(f"models: got {len(self.models)} for {n} poses, expected one for each or one for all")
+        for model in dict.fromkeys(self.models):
+            between(f"max_speed of {model.name}", model.max_speed, *_SPEEDS, "m/s")
+            between(f"length of {model.name}", model.length, *_SIZES, "m")
+            between(f"width of {model.name}", model.width, *_SIZES, "m")
         self.world = world
         self.lidar, self._slip = Lidar() if lidar is None else lidar, TurnSlip() if slip is None else slip
         self.lidar.check()
@@ -110,7 +101,7 @@ class Simulation:
         self._seed = count("seed", seed, 0)
         self.time = 0.0
         self.twists: Array = np.zeros((n, 2))
-        self.collisions: list[Collision] = []
+        self.collisions: list[RobotEvent] = []
         self._fastest = np.array([(m.max_speed, m.max_turn_rate) for m in self.models])
         self._most = np.array([(m.max_acceleration, m.max_turn_acceleration) for m in self.models])
         self._lengths, self._widths = np.array([(m.length, m.width) for m in self.models]).T
@@ -132,7 +123,7 @@ class Simulation:
         self._scan()
 
     def __len__(self) -> int:
-        """Tell the number of robots."""
+        """Return the number of robots."""
         return len(self.poses)
 
     def silence(self, robot: int, silent: bool = True) -> None:
@@ -142,7 +133,7 @@ class Simulation:
         self._deaf[robot] = silent
 
     def sense(self) -> Observation:
-        """Tell what every robot knows now."""
+        """Return what every robot knows now."""
         arrived = []
         while self._scans and self._has_arrived(self._scans[0]):
             arrived.append(self._scans.popleft())
@@ -166,6 +157,13 @@ class Simulation:
             new=arrivals > self._stepped_from + _SLACK,
         )
 
+    def in_the_way(self, robot: int, direction: int) -> int | None:
+        """Return the number of what is in a robot's stop zone, ahead (``direction`` 1) or behind it (-1).
+
+        That of another robot, that of robots or more for a wall or an obstacle, None if nothing is there.
+        """
+        return self._contacts.in_the_way(self.poses, robot, direction)
+
     def step(self, commands: ArrayLike, dt: float = 0.1) -> None:
         """Give commands, and let time pass.
 
@@ -180,9 +178,9 @@ class Simulation:
         Raises
         ------
         InputError
-            If a command is infinite or half nan, or the time is not positive and finite.
+            If a command is infinite or half nan, or the time is not from 1 µs to 60 s.
         """
-        positive("dt", dt)
+        between("dt", dt, *_STEPS, "s")
         self._hear(commands)
         self._stepped_from = self.time
         begin, parts = self.time, int(np.ceil(dt / self._step - _SLACK))
@@ -220,7 +218,8 @@ class Simulation:
                 continue
             x, y = self._contacts.place(self.poses, robot, other)
             partner = other if other < len(self) else None
-            self.collisions.append(Collision(round(self.time + dt, _DIGITS), robot, partner, (float(x), float(y))))
+            when, place = round(self.time + dt, _DIGITS), (float(x), float(y))
+            self.collisions.append(RobotEvent(when, robot, place, EventKind.COLLISION, partner))
 
     def _scan(self) -> None:
         while self._next_scan * self.lidar.period <= self.time + _SLACK:
@@ -236,7 +235,7 @@ class Simulation:
     def _poses_at(self, stamp: float) -> Array:
         """Poses at a time that may lie a fraction of a step back."""
         back = self.time - stamp
-        return self.poses.copy() if back <= _SLACK or self.time <= 0 else arc(self.poses, self.twists, -back)
+        return self.poses.copy() if back <= _SLACK or self.time <= 0 else move(self.poses, self.twists, -back)
 
     def _look(self, scan: _Scan) -> list[Array]:
         measured = ranges(self.lidar, scan.poses, self._lengths, self._widths, self.world.segments)
@@ -251,5 +250,5 @@ class Simulation:
         pairs = self._contacts.touching(self.poses)
         if len(pairs):
             i, j = pairs[0]
-            what = f"robot {j + 1}" if j < len(self) else "a wall or an obstacle"
+            what = f"robot {j + 1}" if j < len(self) else SOLID
             raise InputError(f"poses: robot {i + 1} touches {what} at the start, expected robots that stand free")

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mp2a.checks import array, positive
+from mp2a.dependencies import need
 from mp2a.exceptions import InputError
+from mp2a.se2 import act
 from mp2a.spatial import Array
 
 FARTHEST = 1e5
@@ -60,11 +62,21 @@ class World:
     @cached_property
     def shapes(self) -> Any:
         """All walls as shapely lines and all obstacles as shapely polygons, an array of them."""
-        import shapely
-
+        shapely = geometry()
         shapes = [shapely.LineString(line) for line in self.walls]
         shapes += [shapely.Polygon(line) for line in self.obstacles]
         return np.array(shapes, dtype=object)
+
+
+def geometry() -> Any:
+    """Import shapely, when it is needed: ranks that are a robot alone have no geometry.
+
+    Raises
+    ------
+    DependencyError
+        If it is not installed.
+    """
+    return need("shapely", extra="formation", purpose="the simulator")
 
 
 def box(centre: ArrayLike, size: ArrayLike, heading: float = 0.0) -> Array:
@@ -131,16 +143,11 @@ def rectangles(poses: Array, lengths: Array, widths: Array) -> Array:
     ndarray
         ``(n, 4, 2)`` m, counter-clockwise from the front left corner.
     """
-    along = np.stack((np.cos(poses[:, 2]), np.sin(poses[:, 2])), axis=-1) * (lengths / 2)[:, None]
-    across = np.stack((-np.sin(poses[:, 2]), np.cos(poses[:, 2])), axis=-1) * (widths / 2)[:, None]
-    offsets = np.stack((along + across, across - along, -along - across, along - across), axis=1)
-    out: Array = poses[:, None, :2] + offsets
-    return out
+    signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    return act(poses[:, None], signs * np.stack((lengths, widths), axis=-1)[:, None] / 2)
 
 
 def _corners(name: str, given: ArrayLike, closed: bool) -> Array:
-    import shapely
-
     points = array(name, given, (None, 2))
     least = 3 if closed else 2
     if len(points) < least:
@@ -152,6 +159,6 @@ def _corners(name: str, given: ArrayLike, closed: bool) -> Array:
     if len(same):
         at = points[same[0]].tolist()
         raise InputError(f"{name}: got {at} twice in a row, expected neighbouring points in different places")
-    if closed and not shapely.Polygon(points).is_valid:
+    if closed and not geometry().Polygon(points).is_valid:
         raise InputError(f"{name}: got an outline that crosses or touches itself, expected a simple one")
     return points

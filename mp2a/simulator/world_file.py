@@ -1,34 +1,37 @@
 """World files: TOML with a table for each wall and obstacle."""
 
-import sys
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from mp2a.dependencies import parse_toml
 from mp2a.exceptions import InputError
+from mp2a.file_kinds import kind_of_file
 from mp2a.simulator.world import FARTHEST, World, box, disc
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
 _MOST_SIDES = 360
-_NEEDED = object()
+_LEAST = 1e-3
+"""m"""
 
 
 class _Kind(NamedTuple):
-    """One kind of entry: its corners from its fields, each with a reader and a default; and whether it is solid."""
+    """One kind of entry: its corners from its fields, and whether it is solid."""
 
     corners: Callable[..., Any]
-    fields: Mapping[str, tuple[Callable[[Any], Any], Any]]
+    fields: Mapping[str, "_Field"]
     solid: bool
 
 
-class _Refused(Exception):
-    """A value is not what its field has to be; says what it has to be."""
+class _Field(NamedTuple):
+    """What a field has to be."""
+
+    expected: str
+    fits: Callable[[Any], bool]
+    default: Any = None
+    """None: the field is needed."""
 
 
 def read_world(path: str | Path) -> World:
@@ -53,16 +56,15 @@ def read_world(path: str | Path) -> World:
     try:
         text = Path(path).read_bytes().decode("utf-8")
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as a world file ({error})") from error
+        raise InputError(
+            f"{path}: cannot be read as a world file: it is {kind_of_file(path)}, expected TOML"
+        ) from error
     return parse_world(text, str(path))
 
 
 def parse_world(text: str, where: str = "world") -> World:
     """Read a world from the text of a world file; ``where`` is what errors call it."""
-    try:
-        tables = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{where}: cannot be read as TOML ({error})") from error
+    tables = parse_toml(text, where)
     name = tables.pop("name", Path(where).stem)
     if not isinstance(name, str):
         raise InputError(f"{where}: name: got {name!r}, expected a text")
@@ -85,14 +87,13 @@ def _entry(kind: _Kind, entry: Mapping[str, Any], where: str) -> Any:
         if name not in kind.fields:
             raise InputError(f"{where}: got {name!r}, expected {_either(kind.fields)}")
     values = {}
-    for name, (reader, default) in kind.fields.items():
-        if name not in entry and default is _NEEDED:
+    for name, field in kind.fields.items():
+        values[name] = entry.get(name, field.default)
+        if values[name] is None:
             raise InputError(f"{where}: {name}: got nothing, expected it to be given")
-        try:
-            values[name] = reader(entry[name]) if name in entry else default
-        except _Refused as refused:
-            raise InputError(f"{where}: {name}: got {_short(entry[name])}, expected {refused}") from None
-    corners = kind.corners(**values)
+        if not field.fits(values[name]):
+            raise InputError(f"{where}: {name}: got {_short(values[name])}, expected {field.expected}")
+    corners = kind.corners(*values.values())
     try:
         World(obstacles=[corners]) if kind.solid else World(walls=[corners])
     except InputError as error:
@@ -100,40 +101,20 @@ def _entry(kind: _Kind, entry: Mapping[str, Any], where: str) -> Any:
     return corners
 
 
-def _number(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= FARTHEST:
-        raise _Refused(f"a number of at most {FARTHEST:g}")
-    return float(value)
+def _is_number(value: Any, least: float = -FARTHEST) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and least <= value <= FARTHEST
 
 
-def _length(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 1e-3 <= value <= FARTHEST:
-        raise _Refused(f"a length from 0.001 to {FARTHEST:g} m")
-    return float(value)
+def _are_two(value: Any, least: float = -FARTHEST) -> bool:
+    return isinstance(value, list) and len(value) == 2 and all(_is_number(part, least) for part in value)
 
 
-def _point(value: Any) -> tuple[float, float]:
-    if not isinstance(value, list) or len(value) != 2:
-        raise _Refused("two coordinates [x, y] in m")
-    return _number(value[0]), _number(value[1])
+def _are_points(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and all(map(_are_two, value))
 
 
-def _points(value: Any) -> list[tuple[float, float]]:
-    if not isinstance(value, list) or not value:
-        raise _Refused("a list of points [[x, y], [x, y], …] in m")
-    return [_point(point) for point in value]
-
-
-def _size(value: Any) -> tuple[float, float]:
-    if not isinstance(value, list) or len(value) != 2:
-        raise _Refused("two lengths [along x, along y] in m")
-    return _length(value[0]), _length(value[1])
-
-
-def _sides(value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 3 <= value <= _MOST_SIDES:
-        raise _Refused(f"a whole number from 3 to {_MOST_SIDES}")
-    return value
+def _is_count_of_sides(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 3 <= value <= _MOST_SIDES
 
 
 def _room(centre: tuple[float, float], size: tuple[float, float], heading: float) -> Any:
@@ -153,11 +134,17 @@ def _short(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-_RECTANGLE = {"centre": (_point, _NEEDED), "size": (_size, _NEEDED), "heading": (_number, 0.0)}
+_POINT = _Field(f"two coordinates [x, y] of at most {FARTHEST:g} m", _are_two)
+_POINTS = _Field(f"a list of points [[x, y], [x, y], …] of at most {FARTHEST:g} m", _are_points)
+_SIZE = _Field(f"two lengths [along x, along y] from {_LEAST:g} to {FARTHEST:g} m", partial(_are_two, least=_LEAST))
+_RADIUS = _Field(f"a length from {_LEAST:g} to {FARTHEST:g} m", partial(_is_number, least=_LEAST))
+_HEADING = _Field(f"a number of at most {FARTHEST:g}", _is_number, 0.0)
+_SIDES = _Field(f"a whole number from 3 to {_MOST_SIDES}", _is_count_of_sides, 32)
+_RECTANGLE = {"centre": _POINT, "size": _SIZE, "heading": _HEADING}
 _KINDS = {
     "room": _Kind(_room, _RECTANGLE, solid=False),
-    "wall": _Kind(lambda points: points, {"points": (_points, _NEEDED)}, solid=False),
+    "wall": _Kind(list, {"points": _POINTS}, solid=False),
     "box": _Kind(box, _RECTANGLE, solid=True),
-    "disc": _Kind(disc, {"centre": (_point, _NEEDED), "radius": (_length, _NEEDED), "sides": (_sides, 32)}, solid=True),
-    "polygon": _Kind(lambda points: points, {"points": (_points, _NEEDED)}, solid=True),
+    "disc": _Kind(disc, {"centre": _POINT, "radius": _RADIUS, "sides": _SIDES}, solid=True),
+    "polygon": _Kind(list, {"points": _POINTS}, solid=True),
 }

@@ -35,7 +35,7 @@ def free_port():
 def master(tmp_path_factory):
     """Environment with a ROS master in it."""
     missing = "no ROS 1: apt-get install ros-core and the packages that docs/robots.md names"
-    for name in ("rospy", "geometry_msgs.msg", "sensor_msgs.msg", "nav_msgs.msg", "tf2_msgs.msg", "tf2_ros"):
+    for name in ("rospy", "geometry_msgs.msg", "sensor_msgs.msg", "nav_msgs.msg", "tf2_msgs.msg"):
         pytest.importorskip(name, reason=missing, exc_type=ImportError)
     import rosgraph
 

@@ -9,9 +9,9 @@ class Listener:
     def __init__(self, topic, kind):
         import rospy
 
-        from mp2a.robots.ros1.node import connect
+        from mp2a.robots.ros1.node import Ros1Node
 
-        connect("test")
+        Ros1Node("test")
         self.heard = []
         self._subscriber = rospy.Subscriber(topic, kind, self._put, queue_size=100, tcp_nodelay=True)
 

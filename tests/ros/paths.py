@@ -3,10 +3,10 @@
 import numpy as np
 
 from mp2a.formation.choreography.ideal import run as ideal_run
-from mp2a.formation.choreography.places import compose
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY
+from mp2a.se2 import compose
 
 COLUMN = """robots R1 R2 R3 R4
 column R1;R2;R3;R4 2 0
@@ -27,7 +27,7 @@ def ideal(text):
     run = ideal_run(Choreography(parse(text), HUSKY))
     lanes = run.leader_poses.copy()
     side = np.zeros_like(lanes)
-    side[..., 1] = run.places[..., 1]
+    side[..., 1] = run.slots[..., 1]
     lanes = compose(lanes, side)
     errors = [path_error(run.poses[:, i, :2], lanes[:, i, :2]) for i in range(lanes.shape[1])]
     return run.poses[-1, :, :2], np.array(errors)

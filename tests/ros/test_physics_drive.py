@@ -16,12 +16,12 @@ from mp2a.formation.robot_models import HUSKY
 from mp2a.robots.driver import Driver
 from mp2a.robots.interface import Sensed
 from mp2a.robots.planner import ChoreographyPlanner
-from mp2a.robots.table import INTERFACES
+from mp2a.robots.robot_config import ROBOT_CONFIGS
 
 pytestmark = pytest.mark.ros
 BESIDE = (Path(__file__).parents[2] / "examples" / "scenarios" / "listing_7_1.txt").read_text()
 PERIOD = 12  # steps of 1/240 s
-HERE = INTERFACES["husky"]
+HERE = ROBOT_CONFIGS["husky"]
 
 
 class InPhysics:
@@ -68,7 +68,7 @@ def drive(text, lidar, seed, longest=60.0):
     rng = np.random.default_rng(seed)
     scenario = parse(text)
     open_world()
-    robots = [InPhysics(Husky(*place), lidar, rng) for place in Choreography(scenario, HUSKY).places()]
+    robots = [InPhysics(Husky(*place), lidar, rng) for place in Choreography(scenario, HUSKY).slot_poses()]
     drivers = [
         Driver(role, robot, HERE, ChoreographyPlanner(Choreography(scenario, HUSKY), role, lidar, HERE.points_age))
         for role, robot in zip(scenario.robots, robots, strict=True)

@@ -12,9 +12,9 @@ from listening import Listener
 
 from mp2a.exceptions import DependencyError
 from mp2a.robots import sound
+from mp2a.robots.robot_config import ROBOT_CONFIGS
 from mp2a.robots.robots_file import within
 from mp2a.robots.sender import Sender
-from mp2a.robots.table import INTERFACES
 
 pytestmark = pytest.mark.ros
 
@@ -23,8 +23,8 @@ PLANNER = """
 import sys, time
 from mp2a.robots.robots_file import within
 from mp2a.robots.sender import Sender
-from mp2a.robots.table import INTERFACES
-sender = Sender(within(INTERFACES["husky"], "wire"), "ros1", role="wire")
+from mp2a.robots.robot_config import ROBOT_CONFIGS
+sender = Sender(within(ROBOT_CONFIGS["husky"], "wire"), "ros1", role="wire")
 print("up", flush=True)
 while True:
     sender.send(0.5, 0.1)
@@ -63,7 +63,7 @@ def test_stamped_commands(master):
     from geometry_msgs.msg import TwistStamped
 
     listener = Listener("/stamped/cmd_vel", TwistStamped)
-    interface = replace(within(INTERFACES["husky-jazzy"], "stamped"), rate=20.0)
+    interface = replace(within(ROBOT_CONFIGS["husky-jazzy"], "stamped"), rate=20.0)
     sender = Sender(interface, "ros1", role="stamped")
     for _ in range(10):
         sender.send(0.3, 0.0)
@@ -85,7 +85,7 @@ def test_the_human_wins(master):
 
     listener = Listener("/hand/nav/cmd_vel", Twist)
     human = rospy.Publisher("/hand/cmd_vel", Twist, queue_size=1)
-    sender = Sender(within(INTERFACES["husky"], "hand"), "ros1", role="hand")
+    sender = Sender(within(ROBOT_CONFIGS["husky"], "hand"), "ros1", role="hand")
 
     def spell(seconds, by_hand):
         for _ in range(round(seconds / 0.05)):
@@ -144,7 +144,7 @@ def test_a_mux_is_asked_again_and_again_and_released(master, tmp_path, monkeypat
         rospy.Service("/t/mux_cmd_vel/acquire", Acquire, answer("acquire")),
         rospy.Service("/t/mux_cmd_vel/release", Release, answer("release")),
     ]
-    sender = Sender(within(INTERFACES["tradr"], "t"), "ros1", role="t")
+    sender = Sender(within(ROBOT_CONFIGS["tradr"], "t"), "ros1", role="t")
     for _ in range(30):
         sender.send(0.3, 0.0)
         time.sleep(0.05)
@@ -163,20 +163,20 @@ def test_a_mux_whose_package_is_missing_is_named(master):
 
     listener = Listener("/u/nav/cmd_vel", Twist)
     with pytest.raises(DependencyError, match=r"nifti_teleop.*or let the robot ask: command_topic"):
-        Sender(within(INTERFACES["tradr"], "u"), "ros1", role="u")
+        Sender(within(ROBOT_CONFIGS["tradr"], "u"), "ros1", role="u")
     listener.close()
 
 
 def test_nobody_listens(master):
     with pytest.raises(DependencyError, match="nobody listens to /nowhere/nav/cmd_vel"):
-        Sender(within(INTERFACES["husky"], "nowhere"), "ros1", role="nowhere")
+        Sender(within(ROBOT_CONFIGS["husky"], "nowhere"), "ros1", role="nowhere")
 
 
 def test_sound_requests_are_those_of_sound_play(master):
     """The sum by which ROS 1 tells types apart is that of Noetic's sound_play."""
-    from mp2a.robots.ros1.node import sound_request
+    from mp2a.robots.ros1.node import Ros1Node
 
-    kind = sound_request()
+    kind = Ros1Node("test").message("sound_play/msg/SoundRequest")
     assert kind._type == "sound_play/SoundRequest"
     assert kind._md5sum == "d098ce4a040686259137ece23a625167"
     assert sound.sound_numbers("x") == (kind.SAY, kind.PLAY_ONCE)
@@ -186,14 +186,27 @@ def test_sound_requests_are_those_of_sound_play(master):
 def test_robots_without_mpi_start_together_over_sync(master):
     """Three processes, each a robot of its own, agree over the topic /sync alone."""
     program = (
-        "import sys\nfrom mp2a.robots.channel import agree\nfrom mp2a.robots.ros1.robot import Ros1Channel\n"
-        "from mp2a.robots.start import Start\nrole = sys.argv[1]\n"
-        "print(repr(agree(Start(role, ['R1', 'R2', 'R3'], 2.0), Ros1Channel(role, f'/{role}/all_ready'))))"
+        "import sys\nfrom mp2a.robots.channel import agree_on_start\nfrom mp2a.robots.ros_backend import open_backend\n"
+        "from mp2a.robots.ros_robot import RosChannel\nfrom mp2a.robots.start import Start\n"
+        "role, v_max = sys.argv[1:]\nstart = Start(role, ['R1', 'R2', 'R3'], {'v_max': v_max}, 2.0)\n"
+        "print(repr(agree_on_start(start, RosChannel(open_backend('ros1', role), f'/{role}/all_ready'))))"
     )
-    robots = []
-    for role in ("R1", "R2", "R3"):
-        robots.append(subprocess.Popen([sys.executable, "-c", program, role], stdout=subprocess.PIPE, text=True))
-        time.sleep(0.4)
-    agreed = {robot.communicate(timeout=60)[0] for robot in robots}
+
+    def start_all(*speeds):
+        robots = []
+        for role, speed in zip(("R1", "R2", "R3"), speeds, strict=True):
+            robots.append(
+                subprocess.Popen(
+                    [sys.executable, "-c", program, role, speed], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                    text=True,
+                )
+            )  # fmt: skip
+            time.sleep(0.4)
+        return [robot.communicate(timeout=90) for robot in robots]
+
+    agreed = {said for said, _ in start_all("0.7", "0.7", "0.7")}
     assert len(agreed) == 1
     assert float(agreed.pop()) == pytest.approx(time.time(), abs=2.0)
+    for said, error in start_all("0.7", "0.7", "0.5"):  # two of them refuse the third, and it refuses them
+        assert not said
+        assert "were not given the same, expected no difference: v_max: " in error or "waited 60 s" in error

@@ -17,7 +17,7 @@ from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY
 from mp2a.robots import sound
-from mp2a.robots.steps import COLUMNS
+from mp2a.robots.ticks import COLUMNS
 
 pytestmark = pytest.mark.ros
 ROOT = Path(__file__).parents[2]
@@ -38,7 +38,7 @@ WALL = 3.0
 """m ahead of where the robot begins."""
 
 
-TWO_NODES = "from mp2a.robots.ros2.node import Node; nodes = Node(), Node()"
+TWO_NODES = "from mp2a.robots.ros2.node import Ros2Node; nodes = Ros2Node('a'), Ros2Node('b')"
 
 
 def has(*packages):
@@ -177,7 +177,8 @@ def test_a_pose_is_put_together_of_transforms(node, gaps, built, tmp_path):
 def stops_before_the_wall(node, gaps, tmp_path, **settings):
     robot = node(wall=WALL, **settings)
     status, said = finish(begin(tmp_path, AHEAD, "--longest", "12", pose="odometry"))
-    assert status in (0, 3), said  # it does not come to the end of its way
+    assert status == 3, said
+    assert "blocked by something in front of it" in said
     seen = robot.end()
     check_rate(seen["arrivals"], gaps)
     gap = WALL - seen["track"][:, 1].max() - HUSKY.length / 2

@@ -11,15 +11,18 @@ import pytest
 from test_ros2 import OURS
 
 from mp2a.robots.cloud import content, points
+from mp2a.robots.topics import BOOL, CLOUD
 
 pytestmark = pytest.mark.ros
 ROBOT = """
 import json, time
 from dataclasses import replace
+from mp2a.robots.robot_config import ROBOT_CONFIGS
 from mp2a.robots.robots_file import within
-from mp2a.robots.ros2.robot import Ros2Robot
-from mp2a.robots.table import INTERFACES
-robot = Ros2Robot("R1", within(replace(INTERFACES["husky"], pose="odometry"), "R1"), False)
+from mp2a.robots.ros_backend import open_backend
+from mp2a.robots.ros_robot import RosRobot
+config = within(replace(ROBOT_CONFIGS["husky"], pose="odometry"), "R1")
+robot = RosRobot(open_backend("ros2", "R1"), config, None)
 while True:
     sensed = robot.sense()
     seen = None if sensed.points is None else len(sensed.points)
@@ -33,15 +36,15 @@ def test_a_robot_tells_its_stop_signals_and_hears_those_of_others(monkeypatch):
     pytest.importorskip("cyclonedds", reason="no cyclonedds: pip install 'mp2a[ros2]'")
     for name, value in (OURS | {"ROS_DOMAIN_ID": "43"}).items():
         monkeypatch.setenv(name, value)
-    from mp2a.robots.ros2.messages import Bool, Header, PointCloud2, PointField
-    from mp2a.robots.ros2.node import Node, take
+    from mp2a.robots.ros2.node import Ros2Node
 
-    node = Node()
-    scan, stop = node.writer("/R1/points_filtered", PointCloud2), node.writer("/R1/stop_rear", Bool)
+    node = Ros2Node("test")
+    scan, stop = node.writer("/R1/points_filtered", CLOUD).write, node.writer("/R1/stop_rear", BOOL).write
     fronts, rears, clouds = (
         node.reader(f"/R1/{name}", kind, own=False)
-        for name, kind in (("stop_front", Bool), ("stop_rear", Bool), ("obstacles", PointCloud2))
+        for name, kind in (("stop_front", BOOL), ("stop_rear", BOOL), ("obstacles", CLOUD))
     )
+    field = node.message("sensor_msgs/msg/PointField")
     robot = subprocess.Popen([sys.executable, "-c", ROBOT], stdout=subprocess.PIPE, text=True, env=os.environ)
 
     def until(what, flat, rear):
@@ -49,13 +52,12 @@ def test_a_robot_tells_its_stop_signals_and_hears_those_of_others(monkeypatch):
         deadline = time.monotonic() + 20
         heard = {"front": None, "rear": None, "cloud": None}
         while time.monotonic() < deadline:
-            message = PointCloud2(*content(flat, Header(frame_id="R1/base_link"), PointField))
-            message.data = np.column_stack((flat, np.ones(len(flat)))).astype("<f4").tobytes()  # not on the floor
-            scan.write(message)
-            stop.write(Bool(rear))
+            spatial = np.column_stack((flat, np.ones(len(flat))))  # not on the floor
+            scan(*content(spatial, node.header("R1/base_link"), field))
+            stop(rear)
             sensed = json.loads(robot.stdout.readline())
-            for name, reader in (("front", fronts), ("rear", rears), ("cloud", clouds)):
-                for message in take(reader):
+            for name, take in (("front", fronts), ("rear", rears), ("cloud", clouds)):
+                for _, message in take():
                     heard[name] = message
             if what(sensed, heard):
                 return heard

@@ -4,12 +4,12 @@ import numpy as np
 from _formation import COMM, RANK, SIZE, Checks
 
 import mp2a
-from mp2a.formation import OverRanks
-from mp2a.formation.choreography.constants import TICK
-from mp2a.formation.choreography.ideal import drive, run
+from mp2a.formation import MPIExchange
+from mp2a.formation.choreography.ideal import obey, run
+from mp2a.formation.choreography.leader_broadcast import planar_chain
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
-from mp2a.formation.choreography.telling import planar_chain
+from mp2a.formation.constants import TICK
 from mp2a.formation.robot_models import HUSKY
 from mp2a.methods import METHODS
 
@@ -37,18 +37,18 @@ check(not back or np.abs(np.diff(expected.leader_twists, axis=1)).max() > 0.1)  
 
 for method in METHODS:
     with mp2a.DistributedModel(COMM, planar_chain(SIZE), method) as ranks:
-        show = Choreography(scenario, HUSKY, exchange=OverRanks(ranks))
+        show = Choreography(scenario, HUSKY, exchange=MPIExchange(ranks))
         check((show.state.course is None) == (RANK > 0))
         # What the others do is not known here: one's own pose goes in, one's own command comes out.
         poses, twists = np.full((SIZE, 3), np.nan), np.zeros((SIZE, 2))
-        poses[RANK] = show.places()[RANK]
+        poses[RANK] = show.slot_poses()[RANK]
         sent, worst = sum(ranks.transport.messages.values()), 0.0
         for tick in range(len(expected.time)):
             worst = max(worst, np.abs(poses[RANK] - expected.poses[tick, RANK]).max())
             commands = show.step(tick * TICK, poses, twists, None)
             worst = max(worst, np.abs(commands[RANK] - expected.commands[tick, RANK]).max())
             check((show.state.course is None) == (RANK > 0))
-            moved = drive(show.fleet, poses, twists, commands)
+            moved = obey(show.fleet, poses, twists, commands)
             poses[RANK], twists[RANK] = moved[0][RANK], moved[1][RANK]
         check(worst < 1e-9, method, worst)
         check(bool((show.ended & show.settled)[RANK]))

@@ -4,7 +4,18 @@ import numpy as np
 from _formation import COMM, RANK, SIZE, Checks
 
 import mp2a
-from mp2a.formation import Discs, Formation, Limits, March, OneProcess, OverRanks, Sensed, Springs, pack, waypoints
+from mp2a.formation import (
+    Discs,
+    Formation,
+    FormationController,
+    Limits,
+    LocalExchange,
+    MPIExchange,
+    SensedPoints,
+    Springs,
+    pack,
+    waypoints,
+)
 from mp2a.methods import METHODS
 
 check = Checks()
@@ -22,7 +33,7 @@ def silence(tick, sensed, robots):
 
 def expected(formation, method, springs):
     """The march of one process: setpoints and forces of all ticks, and how far the joints yielded in the end."""
-    march = March(formation, PATH, OneProcess(formation.model, method), springs=springs)
+    march = FormationController(formation, PATH, LocalExchange(formation.model, method), springs=springs)
     rows, yielded = [], 0.0
     for tick in range(TICKS):
         setpoints = march.step(silence(tick, WORLD.sense(march.state.pose), slice(None)))
@@ -38,7 +49,7 @@ for shape, method in CASES:
     whole, yielded = COMM.bcast(expected(formation, method, springs) if RANK == 0 else None)
     check(yielded > 0.1, shape, yielded)
     with mp2a.DistributedModel(COMM, formation.model, method) as ranks:
-        march = March(formation, PATH if RANK == 0 else None, OverRanks(ranks), springs=springs)
+        march = FormationController(formation, PATH if RANK == 0 else None, MPIExchange(ranks), springs=springs)
         # The scan is all there is, but for a word to the one behind: as many messages as the schedule says.
         count = ranks.schedule.count(METHODS[method].doubles).total
         sent = sum(ranks.transport.messages.values())
@@ -56,14 +67,14 @@ for shape, method in CASES:
 # A leader without a path stands, and so do all.
 formation = Formation.of("line", SIZE)
 with mp2a.DistributedModel(COMM, formation.model) as ranks:
-    march = March(formation, None, OverRanks(ranks))
+    march = FormationController(formation, None, MPIExchange(ranks))
     start = march.state.pose.copy()
     for _ in range(5):
         setpoints = march.step()
     check((setpoints.pose == start).all() and (setpoints.twist == 0).all())
 
     # What one robot has sensed is malformed: the same error on every rank, and the march goes on after it.
-    wrong = Sensed(np.full((1, 2), np.nan), np.zeros(1, dtype=int), np.ones(1, dtype=bool))
+    wrong = SensedPoints(np.full((1, 2), np.nan), np.zeros(1, dtype=int), np.ones(1, dtype=bool))
     try:
         march.step(wrong if RANK == SIZE - 1 else None)
     except mp2a.InputError as error:

@@ -1,5 +1,7 @@
 """Every rank gets its body's part of the serial recursion; messages are as many as the schedule says."""
 
+import dataclasses
+
 import numpy as np
 from _formation import COMM, RANK, SIZE, Checks, chain_of_all_joints, own_columns, relative_error
 from mpi4py import MPI
@@ -45,6 +47,16 @@ for seed in range(4):
                     check(COMM.allreduce(sent) == count.messages.get(kind, 0), kind)
                 sent = COMM.allreduce(formation.transport.doubles - before[1])
                 check(sent == count.doubles * (samples or 1))
+
+# A model's own gravity, and a model of pinocchio's.
+moon = dataclasses.replace(chain_of_all_joints(), gravity=(0.5, 0.0, -1.62))
+q, v, a = moon.random_state(2)
+qs, vs = own_columns(moon)
+for form in (moon, moon.to_pinocchio()):
+    with mp2a.DistributedModel(COMM, form, "sweep") as formation:
+        whole = mp2a.rnea(form, q, v, a)
+        check(relative_error(formation.rnea(q[:, qs], v[:, vs], a[:, vs]), whole[:, vs], whole) < 1e-12)
+        check(relative_error(whole, mp2a.rnea(moon, q, v, a, gravity=(0.5, 0.0, -1.62)), whole) < 1e-12)
 
 # "auto" says the same everywhere, and gives the same.
 model = chain_of_all_joints()

@@ -6,10 +6,10 @@ import numpy as np
 from _formation import COMM, RANK, SIZE, Checks
 
 import mp2a
-from mp2a.formation import Formation, March, OneProcess, OverRanks, waypoints
+from mp2a.formation import Formation, FormationController, LocalExchange, MPIExchange, waypoints
 from mp2a.formation.robot_models import HUSKY
-from mp2a.simulator import Marchers
-from mp2a.simulator.ranks import perform
+from mp2a.simulator import FormationSimulationDriver
+from mp2a.simulator.ranks import simulate_over_ranks
 
 check = Checks()
 SECONDS = 6.0
@@ -29,20 +29,24 @@ def world_for(controller):
 
 
 with mp2a.DistributedModel(COMM, formation.model, "sweep") as ranks:
-    mine = Marchers(March(formation, PATH if RANK == 0 else None, OverRanks(ranks)), HUSKY)
+    mine = FormationSimulationDriver(
+        FormationController(formation, PATH if RANK == 0 else None, MPIExchange(ranks)), HUSKY
+    )
     poses = []
-    perform(COMM, mine, (lambda controller: poses.append(world_for(controller))) if RANK == 0 else None)
+    simulate_over_ranks(COMM, mine, (lambda controller: poses.append(world_for(controller))) if RANK == 0 else None)
 if RANK:
     check(not {"shapely", "matplotlib", "rich", "lark", "numba", "pinocchio"} & set(sys.modules), RANK)
 parts = COMM.gather((np.array(mine.leaders), mine.events, mine.record))
-check(bool(mine.march.state.failed[0]) == (RANK == SIZE - 1))
+check(bool(mine.march.state.errors.failed[0]) == (RANK == SIZE - 1))
 if RANK == 0:
-    whole = Marchers(March(formation, PATH, OneProcess(formation.model, "sweep")), HUSKY)
+    whole = FormationSimulationDriver(
+        FormationController(formation, PATH, LocalExchange(formation.model, "sweep")), HUSKY
+    )
     expected = world_for(whole.step)
     check(np.abs(expected - poses[0]).max() < 1e-9)
     leaders = np.concatenate([part[0] for part in parts], axis=1)
     check(np.abs(leaders - np.array(whole.leaders)).max() < 1e-9)
-    check(sorted(event for part in parts for event in part[1]) == sorted(whole.events))
+    check(sorted(str(event) for part in parts for event in part[1]) == sorted(map(str, whole.events)))
     check(np.abs(whole.record.push).max() > 10)
     check(np.abs(parts[-1][2].force[:, 0] - whole.record.force[:, -1]).max() < 1e-6)
 
@@ -81,7 +85,7 @@ class Fine(Odd):
 
 for robot, expected in ((Odd(), f"rank {SIZE - 1}: what I found"), (Fine(), "rank 0: commands: got shape")):
     try:
-        perform(COMM, robot, short_world if RANK == 0 else None)
+        simulate_over_ranks(COMM, robot, short_world if RANK == 0 else None)
         text = ""
     except mp2a.InputError as error:
         text = str(error)

@@ -4,12 +4,12 @@ from itertools import pairwise
 
 from _formation import COMM, RANK, SIZE, Checks
 
-from mp2a.bench.timeline import clock_offset, record
+from mp2a.bench.timeline import clock_offset, trace_call
 from mp2a.schedule import kogge_stone
 
 check = Checks()
 check(clock_offset(COMM) == 0)  # one machine, one clock
-trace = record(samples=5, seed=0, method="kogge-stone")
+trace = trace_call(samples=5, seed=0, method="kogge-stone")
 check((trace is None) == (RANK != 0))
 if trace is not None:
     schedule = kogge_stone(SIZE)

@@ -1,17 +1,21 @@
-"""Rectangles on the ground that come too close to each other."""
+"""Rectangles on the ground that come too close to each other, and when."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mp2a.formation.constants import TICK
+from mp2a.se2 import rotate
 from mp2a.spatial import Array
 
+PAUSE = round(1.0 / TICK)
+"""Ticks between two times of one finding up to which they count as one."""
 _CHUNK = 200_000
 """Pairs and ticks looked at together."""
 
 
-class Close(NamedTuple):
+class CloseApproach(NamedTuple):
     """Two robots closer than a margin, over some ticks."""
 
     first: int
@@ -23,8 +27,13 @@ class Close(NamedTuple):
     """Whether their bodies overlap."""
 
 
+def stretches(ticks: NDArray[np.intp], pause: int = PAUSE) -> list[NDArray[np.intp]]:
+    """Split rising ticks where they are more than a pause apart."""
+    return np.split(ticks, np.flatnonzero(np.diff(ticks) > pause) + 1) if len(ticks) else []
+
+
 def overlaps(offset: Array, heading: Array, size: Array, other_heading: Array, other_size: Array) -> NDArray[np.bool_]:
-    """Whether rectangles overlap or touch, by the separating axis theorem.
+    """Return whether rectangles overlap or touch, by the separating axis theorem.
 
     Parameters
     ----------
@@ -35,19 +44,16 @@ def overlaps(offset: Array, heading: Array, size: Array, other_heading: Array, o
     other_heading, other_size
         Of the other.
     """
-    turned = other_heading - heading
-    c, s = np.abs(np.cos(turned)), np.abs(np.sin(turned))
+    c, s = np.abs(np.cos(other_heading - heading)), np.abs(np.sin(other_heading - heading))
     apart = np.zeros(offset.shape[:-1], dtype=bool)
     for angle, own, far in ((heading, size, other_size), (other_heading, other_size, size)):
-        cosine, sine = np.cos(angle), np.sin(angle)
-        x = np.abs(cosine * offset[..., 0] + sine * offset[..., 1])
-        y = np.abs(cosine * offset[..., 1] - sine * offset[..., 0])
+        x, y = np.moveaxis(np.abs(rotate(-angle, offset)), -1, 0)
         apart |= x > own[..., 0] + c * far[..., 0] + s * far[..., 1]
         apart |= y > own[..., 1] + s * far[..., 0] + c * far[..., 1]
     return ~apart
 
 
-def close_pairs(poses: Array, sizes: Array, margin: float, pause: int) -> list[Close]:
+def close_pairs(poses: Array, sizes: Array, margin: float, pause: int = PAUSE) -> list[CloseApproach]:
     """Find who comes too close to whom and when.
 
     Parameters
@@ -63,39 +69,28 @@ def close_pairs(poses: Array, sizes: Array, margin: float, pause: int) -> list[C
 
     Returns
     -------
-    list of Close
+    list of CloseApproach
         Sorted by when they begin.
     """
-    n = poses.shape[1]
-    first, second = np.triu_indices(n, 1)
-    found: dict[int, list[tuple[int, bool]]] = {}
-    ticks = max(1, _CHUNK // max(len(first), 1))
-    half = sizes / 2
+    first, second = np.triu_indices(poses.shape[1], 1)
+    half, rows = sizes / 2, [np.empty((0, 3), dtype=np.intp)]
     reach = np.hypot(*half.T)
-    for begin in range(0, len(poses), ticks):
-        part = poses[begin : begin + ticks]
+    chunk = max(1, _CHUNK // max(len(first), 1))
+    for begin in range(0, len(poses), chunk):
+        part = poses[begin : begin + chunk]
         offset = part[:, second, :2] - part[:, first, :2]
         near = np.hypot(offset[..., 0], offset[..., 1]) <= reach[first] + reach[second] + 2 * margin
         tick, pair = np.nonzero(near)
         a, b = first[pair], second[pair]
-        arguments = offset[tick, pair], part[tick, a, 2]
-        close = overlaps(*arguments, half[a] + margin / 2, part[tick, b, 2], half[b] + margin / 2)
-        touch = overlaps(*arguments, half[a], part[tick, b, 2], half[b])
-        for k in np.flatnonzero(close):
-            found.setdefault(int(pair[k]), []).append((begin + int(tick[k]), bool(touch[k])))
+        there = offset[tick, pair], part[tick, a, 2]
+        which = overlaps(*there, half[a] + margin / 2, part[tick, b, 2], half[b] + margin / 2)
+        touch = overlaps(*there, half[a], part[tick, b, 2], half[b])
+        rows.append(np.column_stack((pair, tick + begin, touch))[which].astype(np.intp))
+    pairs, ticks, touches = np.concatenate(rows).T
     out = []
-    for which, times in found.items():
-        for stretch in _stretches(times, pause):
-            ends = stretch[0][0], stretch[-1][0]
-            out.append(Close(int(first[which]), int(second[which]), *ends, any(touch for _, touch in stretch)))
-    return sorted(out, key=lambda close: (close.begin, close.first, close.second))
-
-
-def _stretches(times: list[tuple[int, bool]], pause: int) -> list[list[tuple[int, bool]]]:
-    out: list[list[tuple[int, bool]]] = []
-    for tick, touch in times:
-        if out and tick - out[-1][-1][0] <= pause:
-            out[-1].append((tick, touch))
-        else:
-            out.append([(tick, touch)])
-    return out
+    for pair in np.unique(pairs):
+        times, contacts = ticks[pairs == pair], ticks[(pairs == pair) & (touches > 0)]
+        for stretch in stretches(times, pause):
+            met = bool(np.isin(contacts, stretch).any())
+            out.append(CloseApproach(int(first[pair]), int(second[pair]), int(stretch[0]), int(stretch[-1]), met))
+    return sorted(out, key=lambda approach: (approach.begin, approach.first, approach.second))

@@ -8,17 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.formation.choreography.constants import (
-    CATCH_UP,
-    FORCE_GAIN,
+from mp2a.formation.choreography.force_field import avoidance
+from mp2a.formation.choreography.leader import Leaders
+from mp2a.formation.constants import (
     GAP_GAIN,
     LEADER_SPEED_SHARE,
+    QUEUE_RESET_RATIO,
     STEER_GAIN,
     TARGET_AHEAD,
     TARGET_TOLERANCE,
 )
-from mp2a.formation.choreography.leader import Leaders
-from mp2a.formation.choreography.places import compose, seen_from
 from mp2a.spatial import Array
 
 
@@ -34,7 +33,7 @@ class Queues(NamedTuple):
     tail
         One past the newest point, the same for all.
     behind
-        ``(n,)``: the point where each robot is to be; for `mp2a.formation.choreography.fellows`.
+        ``(n,)``: the point where each robot is to be; for `mp2a.formation.choreography.teammates`.
     """
 
     points: Array
@@ -49,7 +48,7 @@ class Queues(NamedTuple):
 
 
 def empty(n: int, capacity: int = 256) -> Queues:
-    """Queues without a point."""
+    """Return queues without a point."""
     return Queues(np.empty((n, capacity, 2)), np.zeros(n, dtype=np.intp), 0, np.zeros(n, dtype=np.intp))
 
 
@@ -65,18 +64,6 @@ def push(queues: Queues, points: Array) -> Queues:
         head, tail, behind = head - oldest, tail - oldest, behind - oldest
     store[:, tail] = points
     return Queues(store, head, tail + 1, behind)
-
-
-def lanes(leaders: Leaders) -> Array:
-    """Where each robot's own leader is: its virtual leader, moved sideways to the robot's lane, ``(n, 2)`` m."""
-    side = np.zeros_like(leaders.pose)
-    side[:, 1] = leaders.place[:, 1]
-    return compose(leaders.pose, side)[:, :2]
-
-
-def spots(leaders: Leaders) -> Array:
-    """Poses of the robots' places in their formations, ``(n, 3)`` m and rad, in the ground frame."""
-    return compose(leaders.pose, np.column_stack((leaders.place, np.zeros(len(leaders.place)))))
 
 
 def targets(queues: Queues, leaders: Leaders, poses: Array) -> tuple[Queues, Array, Array]:
@@ -98,11 +85,11 @@ def targets(queues: Queues, leaders: Leaders, poses: Array) -> tuple[Queues, Arr
     Returns
     -------
     tuple
-        The queues; the targets ``(n, 2)`` in the ground frame; how much farther than asked each robot is from its
+        The queues; the targets ``(n, 2)`` in the ground frame; how much farther than wanted each robot is from its
         leader, ``(n,)`` m.
     """
-    own = lanes(leaders)
-    asked = -leaders.place[:, 0]
+    own = leaders.points
+    wanted = -leaders.slot[:, 0]
     gap = np.hypot(*(own - poses[:, :2]).T)
     rows = np.arange(len(poses))
     ahead = np.minimum(queues.head[:, None] + np.arange(TARGET_AHEAD), queues.tail)
@@ -110,14 +97,14 @@ def targets(queues: Queues, leaders: Leaders, poses: Array) -> tuple[Queues, Arr
     reached = np.hypot(*np.moveaxis(points - poses[:, None, :2], -1, 0)) < TARGET_TOLERANCE
     reached &= ahead < queues.tail
     popped = np.where(reached, np.arange(1, TARGET_AHEAD + 1), 0).max(axis=1)
-    head = np.where(gap > CATCH_UP * asked, queues.tail, queues.head + popped)
+    head = np.where(gap > QUEUE_RESET_RATIO * wanted, queues.tail, queues.head + popped)
     queued = head < queues.tail
     next_points = queues.points[rows, np.minimum(head, max(queues.tail - 1, 0))]
-    return queues._replace(head=head), np.where(queued[:, None], next_points, own), gap - asked
+    return queues._replace(head=head), np.where(queued[:, None], next_points, own), gap - wanted
 
 
-def commands(target: Array, excess: Array, stands: NDArray[np.bool_], force: Array, max_speed: float) -> Array:
-    """Speeds that eq. 4.4 asks for, before any limit.
+def commands(target: Array, gap_error: Array, stands: NDArray[np.bool_], force: Array, max_speed: float) -> Array:
+    """Return the speeds that eq. 4.4 asks for, before any limit.
 
     Differs from the print in two places: a robot that is more than 1/3 m too close stands instead of driving on
     ever faster (the text says it slows down), and while the leader stands the robot goes to its place and stops there
@@ -127,12 +114,12 @@ def commands(target: Array, excess: Array, stands: NDArray[np.bool_], force: Arr
     ----------
     target
         G, ``(n, 2)`` in the robots' frames, m.
-    excess
+    gap_error
         d_act - d_req, ``(n,)`` m.
     stands
         ``(n,)``: whose leader stands.
     force
-        F, ``(n, 2)`` in the robots' frames.
+        ``(n, 2, 2)``, of `mp2a.formation.choreography.force_field`.
     max_speed
         v_max, of the slowest robot, m/s.
 
@@ -142,27 +129,8 @@ def commands(target: Array, excess: Array, stands: NDArray[np.bool_], force: Arr
         ``(n, 2)``, m/s and rad/s.
     """
     side = np.where(target[:, 0] < 0, -1.0, 1.0)
-    scale = np.maximum(np.where(stands, 0.0, 1.0) + GAP_GAIN * excess, 0.0)
+    scale = np.maximum(np.where(stands, 0.0, 1.0) + GAP_GAIN * gap_error, 0.0)
     linear = side * LEADER_SPEED_SHARE * max_speed * scale
     angle = np.arctan2(target[:, 1], np.abs(target[:, 0]))
     angular = STEER_GAIN * side * angle + avoidance(force)
     return np.stack((linear, angular), axis=-1)
-
-
-def avoidance(force: Array) -> Array:
-    """Turn rate away from obstacles: the second term of eq. 4.4b, ``(n, 2)`` to ``(n,)`` rad/s.
-
-    The end of the robot that is nearer to them swings away: α₂ is the angle of the force, with its sign. Where the
-    print has sgn(Fx) this has cos α₂, so that -2 sgn(Fx) α₂ |F| becomes -2 Fx α₂: the same ahead and behind, and
-    without a jump where an obstacle is abeam, across which a robot beside another would swing for ever.
-    """
-    out: Array = -FORCE_GAIN * force[:, 0] * np.arctan2(force[:, 1], force[:, 0])
-    return out
-
-
-def steer(
-    queues: Queues, leaders: Leaders, poses: Array, force: Array, max_speed: float
-) -> tuple[Queues, Array, Array]:
-    """Do all of this for robots at ``poses`` ``(n, 3)``: the queues, the speeds asked for, the excess of the gap."""
-    queues, ground, excess = targets(queues, leaders, poses)
-    return queues, commands(seen_from(poses, ground), excess, leaders.stands, force, max_speed), excess

@@ -1,61 +1,105 @@
-"""Ideal robots: they do exactly what they are told, within their limits of speed and acceleration.
+"""Runs of a choreography, with ideal robots: they do exactly what they are told, within their limits.
 
 Nothing slips, nothing is in the way, poses are known. `mp2a check` runs a scenario with them.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from mp2a.exceptions import InputError
-from mp2a.formation.choreography.constants import TICK
-from mp2a.formation.choreography.places import arc, compose
-from mp2a.formation.choreography.runner import Choreography, Fleet
+from mp2a.checks import positive
+from mp2a.formation.choreography.fleet import Fleet
+from mp2a.formation.choreography.runner import Choreography
+from mp2a.formation.constants import LONGEST_RUN, TICK
+from mp2a.se2 import compose, drive
 from mp2a.spatial import Array
 
+_TELL = 100
+"""Ticks between two times at which a run says how far it is."""
 
-class Run(NamedTuple):
-    """What n ideal robots did at T ticks.
 
-    Attributes
-    ----------
-    time
-        ``(T,)`` s.
-    poses, twists
-        ``(T, n, 3)`` and ``(T, n, 2)`` of the robots.
-    commands, asked
-        ``(T, n, 2)``: what they were told, and what the controller asked for before any limit.
-    excess
-        ``(T, n)`` m: how much farther than asked each was from its leader.
-    leader_poses, leader_twists, places
-        ``(T, n, 3)``, ``(T, n, 2)`` and ``(T, n, 2)`` of the virtual leaders.
-    done
-        Whether the scenario came to its end.
-    """
+class ScenarioRun(NamedTuple):
+    """What n robots did at T ticks."""
 
     time: Array
+    """``(T,)`` s"""
     poses: Array
+    """``(T, n, 3)`` of the robots"""
     twists: Array
+    """``(T, n, 2)`` of the robots"""
     commands: Array
-    asked: Array
-    excess: Array
+    """``(T, n, 2)``: what they were sent"""
+    raw_commands: Array
+    """``(T, n, 2)``: what the controller wanted before any limit"""
+    gap_errors: Array
+    """``(T, n)`` m: how much farther than wanted each was from its leader"""
     leader_poses: Array
+    """``(T, n, 3)`` of the virtual leaders"""
     leader_twists: Array
-    places: Array
+    """``(T, n, 2)`` of the virtual leaders"""
+    slots: Array
+    """``(T, n, 2)``: where each was to be, seen from its leader, m"""
     done: bool
+    """Whether the scenario came to its end"""
 
 
-def drive(fleet: Fleet, poses: Array, twists: Array, commands: Array, dt: float = TICK) -> tuple[Array, Array]:
-    """Poses ``(n, 3)`` and twists ``(n, 2)`` after ``dt`` s: speeds go to the commands as fast as the limits allow."""
-    limits = np.column_stack((fleet.max_speed, fleet.max_turn_rate))
+class Robots(Protocol):
+    """Those who run a choreography."""
+
+    @property
+    def done(self) -> bool:
+        """Whether they have come to the end."""
+        ...
+
+    def decide(self) -> tuple[float, Array, Array, Array]:
+        """Step the choreography; returns time, poses, twists and commands."""
+        ...
+
+    def move(self, commands: Array) -> None:
+        """Drive for a tick."""
+        ...
+
+
+class IdealRobots:
+    """Ideal robots that start in place."""
+
+    def __init__(self, choreography: Choreography) -> None:
+        self._choreography = choreography
+        self._tick, self._poses = 0, choreography.slot_poses()
+        self._twists = np.zeros((len(self._poses), 2))
+
+    @property
+    def done(self) -> bool:
+        """Whether they have come to the end."""
+        return self._choreography.done
+
+    def decide(self) -> tuple[float, Array, Array, Array]:
+        """Step the choreography; returns time, poses, twists and commands."""
+        time = self._tick * TICK
+        return time, self._poses, self._twists, self._choreography.step(time, self._poses, self._twists, None)
+
+    def move(self, commands: Array) -> None:
+        """Drive for a tick."""
+        self._poses, self._twists = obey(self._choreography.fleet, self._poses, self._twists, commands)
+        self._tick += 1
+
+
+def obey(fleet: Fleet, poses: Array, twists: Array, commands: Array, dt: float = TICK) -> tuple[Array, Array]:
+    """Return poses ``(n, 3)`` and twists ``(n, 2)`` after ``dt`` s: speeds follow commands as limits allow."""
     change = np.column_stack((fleet.max_acceleration, fleet.max_turn_acceleration)) * dt
-    reached = twists + np.clip(np.clip(commands, -limits, limits) - twists, -change, change)
-    return compose(poses, arc(reached, dt)), reached
+    wanted = np.clip(commands, -fleet.fastest, fleet.fastest)
+    reached = twists + np.clip(wanted - twists, -change, change)
+    return compose(poses, drive(reached, dt)), reached
 
 
-def run(choreography: Choreography, longest: float = 3600.0, tell: Callable[[float], None] | None = None) -> Run:
-    """Run a choreography that has not begun yet to its end, with ideal robots that start in place.
+def run(
+    choreography: Choreography,
+    longest: float = LONGEST_RUN,
+    tell: Callable[[float], None] | None = None,
+    robots: Robots | None = None,
+) -> ScenarioRun:
+    """Run a choreography that has not begun yet to its end.
 
     Parameters
     ----------
@@ -65,29 +109,27 @@ def run(choreography: Choreography, longest: float = 3600.0, tell: Callable[[flo
         Stop after this time, s.
     tell
         Called with the time, s, every ten seconds of it.
+    robots
+        Who runs it; None: `IdealRobots`.
 
     Returns
     -------
-    Run
+    ScenarioRun
         All that happened.
     """
-    if not 0 < longest < np.inf:
-        raise InputError(f"longest: got {longest}, expected a positive number of seconds")
-    poses = choreography.places()
-    twists = np.zeros((len(poses), 2))
-    records = []
+    positive("longest", longest)
+    robots = robots or IdealRobots(choreography)
+    rows = []
     for tick in range(int(longest / TICK) + 1):
-        time = tick * TICK
-        commands = choreography.step(time, poses, twists, None)
-        state = choreography.state
-        leaders = state.leaders
-        records.append((
-            time, poses, twists, commands, state.asked, state.excess, leaders.pose, leaders.twist, leaders.place
+        time, poses, twists, commands = robots.decide()
+        state, leaders = choreography.state, choreography.state.leaders
+        rows.append((
+            time, poses, twists, commands, state.raw_command, state.gap_error,
+            leaders.pose, leaders.twist, leaders.slot,
         ))  # fmt: skip
-        if choreography.done:
+        if robots.done:
             break
-        if tell is not None and tick % 100 == 0:
+        if tell is not None and tick % _TELL == 0:
             tell(time)
-        poses, twists = drive(choreography.fleet, poses, twists, commands)
-    columns = [np.array(column) for column in zip(*records, strict=True)]
-    return Run._make([*columns, choreography.done])
+        robots.move(commands)
+    return ScenarioRun._make([*(np.array(column) for column in zip(*rows, strict=True)), robots.done])

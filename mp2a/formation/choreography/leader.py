@@ -1,8 +1,8 @@
 """The virtual leaders, one a robot, and the controllers that drive them (thesis, section 4.2).
 
 They follow from the scenario and the clock alone. So either every robot works out its own, and robots with the same
-clock agree without a message, as in the thesis; or one robot does, and `mp2a.formation.choreography.telling` takes
-their motion to the others. Here all n are arrays; nothing depends on where the robots really are.
+clock agree without a message, as in the thesis; or one robot does, and `mp2a.formation.choreography.leader_broadcast`
+takes their motion to the others. Here all n are arrays; nothing depends on where the robots really are.
 """
 
 from typing import NamedTuple
@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.formation.choreography.constants import (
+from mp2a.formation.choreography.program import CIRCLE, END, MEET, MOVE, SHAPE, LeaderProgram
+from mp2a.formation.constants import (
     ARC_GAIN,
     LEADER_LEAD,
     LEADER_LEAST_SPEED,
@@ -22,8 +23,7 @@ from mp2a.formation.choreography.constants import (
     TICK,
     WAYPOINT_TOLERANCE,
 )
-from mp2a.formation.choreography.places import arc, compose, seen_from, wrap
-from mp2a.formation.choreography.program import CIRCLE, END, MEET, MOVE, SHAPE, Program
+from mp2a.se2 import act, act_inverse, compose, drive, mean_heading, wrap
 from mp2a.spatial import Array
 
 
@@ -38,20 +38,32 @@ class Leaders(NamedTuple):
         ``(n, 2)`` forward speed and turn rate until the next tick, m/s and rad/s; zero while it stands.
     step
         ``(n,)`` of the program.
-    place
+    slot
         ``(n, 2)``: where the robot is to be, seen from its leader, m.
     """
 
     pose: Array
     twist: Array
     step: NDArray[np.intp]
-    place: Array
+    slot: Array
 
     @property
     def stands(self) -> NDArray[np.bool_]:
         """Which leaders do not move until the next tick."""
         out: NDArray[np.bool_] = ~np.logical_or.reduce(self.twist != 0, axis=1)
         return out
+
+    @property
+    def points(self) -> Array:
+        """Each robot's own leader: its virtual leader, moved sideways to the robot's lane, ``(n, 2)`` m."""
+        side = np.zeros_like(self.slot)
+        side[:, 1] = self.slot[:, 1]
+        return act(self.pose, side)
+
+    @property
+    def slot_poses(self) -> Array:
+        """Poses of the robots' slots in the ground frame, ``(n, 3)`` m and rad."""
+        return _with_heading(act(self.pose, self.slot), self.pose[:, 2])
 
 
 class Course(NamedTuple):
@@ -76,7 +88,7 @@ class Course(NamedTuple):
 
 
 def waypoint_twist(target: Array, max_speed: float) -> Array:
-    """Twist towards a waypoint (eq. 4.1).
+    """Return the twist towards a waypoint (eq. 4.1).
 
     Parameters
     ----------
@@ -98,14 +110,14 @@ def waypoint_twist(target: Array, max_speed: float) -> Array:
 
 
 def arc_rate(radius: Array, rate: Array, max_speed: float) -> Array:
-    """Turn rate of an arc, halved until the leader's speed is within its limit (chapter 6, eq. 6.1)."""
+    """Return the turn rate of an arc, halved until the leader's speed is within its limit (chapter 6, eq. 6.1)."""
     excess = np.maximum(np.abs(rate * radius) / (LEADER_SPEED_SHARE * max_speed), 1.0)
     out: Array = rate * 0.5 ** np.ceil(np.log2(excess) - 1e-9)  # rounding shall not halve it
     return out
 
 
 def arc_twist(radius: Array, rate: Array, distance: Array) -> Array:
-    """Twist along an arc (eq. 4.3), with the size of the radius where the thesis prints the signed one.
+    """Return the twist along an arc (eq. 4.3), with the size of the radius where the thesis prints the signed one.
 
     Parameters
     ----------
@@ -126,23 +138,22 @@ def arc_twist(radius: Array, rate: Array, distance: Array) -> Array:
     return np.stack((rate * size, np.clip(turn, -LEADER_MOST_TURN, LEADER_MOST_TURN)), axis=-1)
 
 
-def start(program: Program, poses: Array | None) -> Course:
-    """Leaders before the scenario begins: at the origin, or where robots at ``poses`` ``(n, 3)`` have them in place."""
+def start(program: LeaderProgram, poses: Array | None) -> Course:
+    """Return the leaders before the scenario begins: at the origin, or in front of robots at ``poses`` ``(n, 3)``."""
     n = len(program)
-    place = program.values[:, 0, :2].copy()
+    slot = program.values[:, 0, :2].copy()
     pose = np.zeros((n, 3))
     if poses is not None:
         # The robots of one leader stand where they stand; it is in the mean of where each of them sees it.
-        heading = np.arctan2(np.sin(poses[:, 2]).mean(), np.cos(poses[:, 2]).mean())
-        own = np.column_stack((poses[:, :2], np.full(n, heading)))
-        pose[:] = compose(own, np.column_stack((-place, np.zeros(n)))).mean(axis=0)
+        own = _with_heading(poses[:, :2], mean_heading(poses[:, 2]))
+        pose[:] = _with_heading(act(own, -slot), own[:, 2]).mean(axis=0)
     zero = np.zeros(n)
-    leaders = Leaders(pose, np.zeros((n, 2)), np.zeros(n, dtype=np.intp), place)
+    leaders = Leaders(pose, np.zeros((n, 2)), np.zeros(n, dtype=np.intp), slot)
     return Course(leaders, pose.copy(), zero, zero)
 
 
-def advance(program: Program, course: Course, time: float, max_speed: float) -> Course:
-    """Leaders one tick on.
+def advance(program: LeaderProgram, course: Course, time: float, max_speed: float) -> Course:
+    """Return the leaders one tick on.
 
     Parameters
     ----------
@@ -161,20 +172,25 @@ def advance(program: Program, course: Course, time: float, max_speed: float) -> 
         At ``time``, with the twist for the tick to come.
     """
     leaders = course.leaders
-    leaders = leaders._replace(pose=compose(leaders.pose, arc(leaders.twist, TICK)))
+    leaders = leaders._replace(pose=compose(leaders.pose, drive(leaders.twist, TICK)))
     swept = _swept(program, course, leaders.pose)
     course = _finish_steps(program, course._replace(leaders=leaders, swept=swept), time)
     twist = _twist(program, course, max_speed)
     return course._replace(leaders=course.leaders._replace(twist=twist))
 
 
-def _now(program: Program, step: NDArray[np.intp]) -> tuple[NDArray[np.intp], Array]:
+def _with_heading(points: Array, heading: Array | float) -> Array:
+    """Return poses ``(n, 3)`` at points ``(n, 2)``."""
+    return np.column_stack((points, np.broadcast_to(heading, len(points))))
+
+
+def _now(program: LeaderProgram, step: NDArray[np.intp]) -> tuple[NDArray[np.intp], Array]:
     robots = np.arange(len(program))
     return program.kind[robots, step], program.values[robots, step]
 
 
 def _ends(kind: NDArray[np.intp], values: Array, frame: Array) -> Array:
-    """Where the present steps end as written, ``(n, 3)``; as they began, of those that do not move."""
+    """Return where the present steps end as written, ``(n, 3)``; as they began, of those that do not move."""
     distance, angle = values[:, 0], values[:, 1]
     straight = np.stack((distance * np.cos(angle), distance * np.sin(angle), angle), axis=-1)
     side = np.sign(distance)
@@ -184,21 +200,21 @@ def _ends(kind: NDArray[np.intp], values: Array, frame: Array) -> Array:
 
 
 def _from_centre(frame: Array, radius: Array, pose: Array) -> tuple[Array, Array]:
-    """Distance to the centre of an arc, and how far along it, rad in [-π, π)."""
-    inner = seen_from(frame, pose[:, :2])
+    """Return the distance to the centre of an arc, and how far along it, rad in [-π, π)."""
+    inner = act_inverse(frame, pose[:, :2])
     across, ahead = inner[:, 1] - radius, inner[:, 0]
     # Seen from the centre the arc begins at -radius on the y axis and runs forward.
     along = np.arctan2(ahead, -across * np.sign(radius))
     return np.hypot(ahead, across), along
 
 
-def _swept(program: Program, course: Course, pose: Array) -> Array:
+def _swept(program: LeaderProgram, course: Course, pose: Array) -> Array:
     kind, values = _now(program, course.leaders.step)
     _, along = _from_centre(course.frame, np.where(kind == CIRCLE, values[:, 0], 1.0), pose)
     return np.where(kind == CIRCLE, course.swept + wrap(along - course.swept), 0.0)
 
 
-def _finish_steps(program: Program, course: Course, time: float) -> Course:
+def _finish_steps(program: LeaderProgram, course: Course, time: float) -> Course:
     """Go on to the next step wherever one is done, as often as needed."""
     for _ in range(program.kind.shape[1]):
         kind, values = _now(program, course.leaders.step)
@@ -211,9 +227,9 @@ def _finish_steps(program: Program, course: Course, time: float) -> Course:
         if not done.any():
             break
         leaders = course.leaders
-        place = np.where((shaped | met)[:, None], values[:, :2], leaders.place)
+        slot = np.where((shaped | met)[:, None], values[:, :2], leaders.slot)
         course = Course(
-            leaders._replace(step=leaders.step + done, place=place),
+            leaders._replace(step=leaders.step + done, slot=slot),
             frame=np.where(moved[:, None], end, course.frame),
             swept=np.where(done, 0.0, course.swept),
             since=np.where(done, time, course.since),
@@ -221,7 +237,9 @@ def _finish_steps(program: Program, course: Course, time: float) -> Course:
     return course
 
 
-def _meet(program: Program, course: Course, kind: NDArray[np.intp], time: float) -> tuple[Course, NDArray[np.bool_]]:
+def _meet(
+    program: LeaderProgram, course: Course, kind: NDArray[np.intp], time: float
+) -> tuple[Course, NDArray[np.bool_]]:
     """Give new leaders to the formations whose robots are all there and have stood long enough."""
     met = np.zeros(len(program), dtype=bool)
     waiting = kind == MEET
@@ -240,26 +258,24 @@ def _meet(program: Program, course: Course, kind: NDArray[np.intp], time: float)
 
 
 def new_leader(course: Course, members: NDArray[np.intp], first_row: NDArray[np.intp]) -> Array:
-    """Pose of a new leader: in front of the robots that are to be its first row, in the middle of all (chapter 6).
+    """Return the pose of a new leader: in front of the first row it is to have, in the middle of all (chapter 6).
 
     Robots count where they should be, which every one of them knows of all. The heading is the scenario's, so that an
     angle left over from the last waypoint does not turn what follows.
     """
-    leaders, headings = course.leaders, course.frame[members, 2]
-    heading = np.arctan2(np.sin(headings).mean(), np.cos(headings).mean())
-    old = np.column_stack((leaders.pose[:, :2], course.frame[:, 2]))
-    spots = compose(old, np.column_stack((leaders.place, np.zeros(len(old)))))[:, :2]
-    turned = np.array([0.0, 0.0, heading])
-    inner = seen_from(turned, spots)
+    leaders = course.leaders
+    old = _with_heading(leaders.pose[:, :2], course.frame[:, 2])
+    turned = np.array([0.0, 0.0, mean_heading(course.frame[members, 2])])
+    inner = act_inverse(turned, act(old, leaders.slot))
     ahead = inner[first_row, 0].max() + LEADER_LEAD
     across = (inner[members, 1].max() + inner[members, 1].min()) / 2
     return compose(turned, np.array([ahead, across, 0.0]))
 
 
-def _twist(program: Program, course: Course, max_speed: float) -> Array:
+def _twist(program: LeaderProgram, course: Course, max_speed: float) -> Array:
     kind, values = _now(program, course.leaders.step)
     end = _ends(kind, values, course.frame)
-    straight = waypoint_twist(seen_from(course.leaders.pose, end[:, :2]), max_speed)
+    straight = waypoint_twist(act_inverse(course.leaders.pose, end[:, :2]), max_speed)
     radius = np.where(kind == CIRCLE, values[:, 0], 1.0)
     distance, _ = _from_centre(course.frame, radius, course.leaders.pose)
     bend = arc_twist(radius, arc_rate(radius, values[:, 2], max_speed), distance)

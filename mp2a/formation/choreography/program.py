@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mp2a.exceptions import InputError
-from mp2a.formation.choreography.places import places
 from mp2a.formation.choreography.scenario import Circle, Group, Instruction, Move, NewLeader, Scenario, Shape
+from mp2a.formation.choreography.slots import slots
 from mp2a.spatial import Array
 
 END, MOVE, CIRCLE, SHAPE, MEET = range(5)
@@ -15,7 +15,7 @@ END, MOVE, CIRCLE, SHAPE, MEET = range(5)
 
 
 @dataclass(frozen=True, eq=False)
-class Program:
+class LeaderProgram:
     """Steps of n robots, each row ending with `END`.
 
     Attributes
@@ -24,7 +24,7 @@ class Program:
         ``(n, L)``.
     values
         ``(n, L, 3)``: of MOVE distance and angle, of CIRCLE radius, angle and turn rate (m, rad, rad/s), of SHAPE and
-        MEET the robot's place behind the leader, x and y (m).
+        MEET the robot's slot behind the leader, x and y (m).
     instruction
         ``(n, L)``: index in the scenario's instructions, -1 at the end.
     meeting
@@ -46,7 +46,7 @@ class Program:
         return len(self.kind)
 
 
-def compile_program(scenario: Scenario) -> Program:
+def compile_program(scenario: Scenario) -> LeaderProgram:
     """Lay out a scenario: robot i of ``scenario.robots`` has row i.
 
     Every robot takes the instructions that name it, its group or nobody, in the order of the text; so the order in
@@ -66,8 +66,8 @@ def compile_program(scenario: Scenario) -> Program:
         if isinstance(instruction, Shape):
             meets = _gets_new_leader(scenario.instructions, k)
             meeting = len(members) if meets else -1
-            for robot, place in places(instruction).items():
-                rows[index[robot]].append((MEET if meets else SHAPE, (*place, 0.0), k, meeting))
+            for robot, slot in slots(instruction).items():
+                rows[index[robot]].append((MEET if meets else SHAPE, (*slot, 0.0), k, meeting))
             if meets:
                 members.append(np.array([index[robot] for robot in instruction.robots], dtype=np.intp))
                 first_rows.append(np.array([index[robot] for robot in instruction.rows[0]], dtype=np.intp))
@@ -86,7 +86,7 @@ def compile_program(scenario: Scenario) -> Program:
     padded = [row + [end] * (length - len(row)) for row in rows]
     kind, instructions, meetings = (np.array([[step[c] for step in row] for row in padded], np.intp) for c in (0, 2, 3))
     values = np.array([[step[1] for step in row] for row in padded], dtype=float)
-    return Program(kind, values, instructions, meetings, tuple(members), tuple(first_rows))
+    return LeaderProgram(kind, values, instructions, meetings, tuple(members), tuple(first_rows))
 
 
 def _check_names(scenario: Scenario) -> None:

@@ -5,10 +5,10 @@ import math
 from collections.abc import Iterable, Sequence
 
 from mp2a.exceptions import InputError
-from mp2a.formation.choreography.constants import WAYPOINT_TOLERANCE
 from mp2a.formation.choreography.findings import Finding
 from mp2a.formation.choreography.scenario import Circle, Group, Instruction, Move, NewLeader, Scenario, Shape
-from mp2a.formation.choreography.syntax import INSTRUCTIONS, Line, Word, lines, one_of
+from mp2a.formation.choreography.syntax import INSTRUCTIONS, ScenarioLine, Word, lines, one_of
+from mp2a.formation.constants import WAYPOINT_TOLERANCE
 
 _MOST_ROBOTS = 2048
 """A check looks at every pair of them."""
@@ -46,11 +46,6 @@ def parse(text: str) -> Scenario:
     return scenario
 
 
-def mistakes(text: str) -> list[Finding]:
-    """Every mistake of a text, as far as they show without knowing the robots; empty if there is none."""
-    return read(text)[1]
-
-
 def read(text: str) -> tuple[Scenario | None, list[Finding]]:
     """Read a scenario as far as it goes: the scenario, None if a mistake is serious, and all findings."""
     reader = _Reader()
@@ -70,9 +65,9 @@ class _Reader:
         self.broken = False
         self.robots: dict[str, Word] | None = None
         self.groups: dict[str, Group] = {}
-        self.heading: Line | None = None
+        self.heading: ScenarioLine | None = None
         """The ``groups`` line."""
-        self.start: Line | None = None
+        self.start: ScenarioLine | None = None
         self.instructions: list[Instruction] = []
         self.placed: set[str] = set()
         self.block: set[str] = set()
@@ -85,7 +80,7 @@ class _Reader:
         self.broken = True
         self.robots = {} if self.robots is None else self.robots
 
-    def take(self, line: Line) -> None:
+    def take(self, line: ScenarioLine) -> None:
         """Take one line."""
         if self.robots is None and line.kind != "robots":
             self.robots = {}
@@ -121,12 +116,12 @@ class _Reader:
 
     # ---- lines -------------------------------------------------------------------------------------------------
 
-    def in_order(self, line: Line) -> None:
+    def in_order(self, line: ScenarioLine) -> None:
         """Check that instructions come after ``start``, which groups need."""
         if self.heading is not None and self.start is None:
             self.note(_first(line), f"got {_first(line).text!r} before start, expected start after the groups")
 
-    def take_robots(self, line: Line) -> None:
+    def take_robots(self, line: ScenarioLine) -> None:
         if self.robots:
             self.note(_first(line), "robots: listed a second time, expected one list")
             return
@@ -138,12 +133,12 @@ class _Reader:
         if len(self.robots) > _MOST_ROBOTS:
             self.note(_first(line), f"robots: got {len(self.robots)}, expected at most {_MOST_ROBOTS}")
 
-    def take_groups(self, line: Line) -> None:
+    def take_groups(self, line: ScenarioLine) -> None:
         if self.heading is not None or self.start is not None or self.instructions:
             self.note(_first(line), "groups: expected them once, after the robots and before start")
         self.heading = line
 
-    def take_group(self, line: Line) -> None:
+    def take_group(self, line: ScenarioLine) -> None:
         name, *members = line.plain
         if self.heading is None or self.start is not None or self.instructions:
             self.note(name, f"got {name.text[:40]!r}, expected {one_of(INSTRUCTIONS)}")
@@ -163,12 +158,12 @@ class _Reader:
                     self.note(member, also, serious=False)
         self.groups[name.text] = Group(name.text, tuple(dict.fromkeys(word.text for word in members)), line.number)
 
-    def take_start(self, line: Line) -> None:
+    def take_start(self, line: ScenarioLine) -> None:
         if self.start is not None or self.instructions:
             self.note(_first(line), "start: expected it once, before the first instruction")
         self.start = line
 
-    def take_formation(self, line: Line) -> None:
+    def take_formation(self, line: ScenarioLine) -> None:
         (((shape,),), arrangement, distances, spacings) = line.words
         rows = tuple(tuple(word.text for word in row) for row in arrangement)
         members = [word for row in arrangement for word in row]
@@ -186,7 +181,7 @@ class _Reader:
         self.placed |= self.block
         self.instructions.append(Shape(shape.text, rows, between, beside, line.number))
 
-    def take_move(self, line: Line) -> None:
+    def take_move(self, line: ScenarioLine) -> None:
         distance, angle, *group = line.plain
         metres, degrees = self.number(distance, "distance"), self.number(angle, "angle")
         if metres <= 0:
@@ -196,7 +191,7 @@ class _Reader:
             self.note(distance, within, serious=False)
         self.instructions.append(Move(metres, degrees, self.addressed(line, group), line.number))
 
-    def take_circle(self, line: Line) -> None:
+    def take_circle(self, line: ScenarioLine) -> None:
         radius, angle, rate, *group = line.plain
         values = [self.number(word, name) for word, name in ((radius, "radius"), (angle, "angle"), (rate, "rate"))]
         if values[0] == 0:
@@ -206,7 +201,7 @@ class _Reader:
                 self.note(word, f"circle: got {name} {word.text}, expected more than 0; the radius has the direction")
         self.instructions.append(Circle(values[0], values[1], values[2], self.addressed(line, group), line.number))
 
-    def take_new_leader(self, line: Line) -> None:
+    def take_new_leader(self, line: ScenarioLine) -> None:
         if not self.instructions or not isinstance(self.instructions[-1], Shape):
             self.note(_first(line), "newVL: expected it immediately after a formation")
         self.block = set()
@@ -224,7 +219,7 @@ class _Reader:
                 self.note(word, f"{whose}: got robot {word.text} twice, expected it once")
             seen.add(word.text)
 
-    def addressed(self, line: Line, group: Sequence[Word]) -> str | None:
+    def addressed(self, line: ScenarioLine, group: Sequence[Word]) -> str | None:
         """Check whom an instruction is for, and that they have places."""
         name = group[0].text if group else None
         if name is not None and name not in self.groups:
@@ -263,19 +258,21 @@ class _Reader:
             self.note(words[0], f"{name}: got {words[0].text} m, expected 0 where there is no gap")
         return tuple(values)
 
-    def spacings(self, given: Sequence[Sequence[Word]], sizes: Sequence[int]) -> tuple[tuple[float, ...], ...]:
+    def spacings(self, lengths: Sequence[Sequence[Word]], sizes: Sequence[int]) -> tuple[tuple[float, ...], ...]:
         """Read the spacings of every row; one row of numbers stands for all."""
         name = "spacings in a row"
-        if len(given) == 1 and len(given[0]) == 1 and max(sizes) > 1:
+        if len(lengths) == 1 and len(lengths[0]) == 1 and max(sizes) > 1:
             # One number for the whole formation: rows of one robot have no use for it.
-            found = {size: self.gaps(given[0], size - 1, name) for size in sorted(set(sizes) - {1})}
-            return tuple(found.get(size, ()) for size in sizes)
-        if len(given) == 1:
-            given = [given[0]] * len(sizes)
-        if len(given) != len(sizes):
-            self.note(given[0][0], f"{name}: got {len(given)} rows of numbers, expected {len(sizes)} or one for all")
+            gaps = {size: self.gaps(lengths[0], size - 1, name) for size in sorted(set(sizes) - {1})}
+            return tuple(gaps.get(size, ()) for size in sizes)
+        if len(lengths) == 1:
+            lengths = [lengths[0]] * len(sizes)
+        if len(lengths) != len(sizes):
+            self.note(
+                lengths[0][0], f"{name}: got {len(lengths)} rows of numbers, expected {len(sizes)} or one for all"
+            )
             return tuple(() for _ in sizes)
-        return tuple(self.gaps(row, size - 1, name) for row, size in zip(given, sizes, strict=True))
+        return tuple(self.gaps(row, size - 1, name) for row, size in zip(lengths, sizes, strict=True))
 
 
 _SHAPES = {
@@ -289,7 +286,7 @@ _SHAPES = {
 }
 
 
-def _first(line: Line) -> Word:
+def _first(line: ScenarioLine) -> Word:
     """Keyword of a line; a shape or a group's name is its own first word."""
     if line.kind in ("formation", "group"):
         return line.plain[0]

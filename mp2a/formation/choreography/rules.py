@@ -5,14 +5,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mp2a.formation.choreography.constants import LEADER_SPEED_SHARE, STOP_DISTANCE, STOP_SIDE
 from mp2a.formation.choreography.findings import Finding
+from mp2a.formation.choreography.fleet import Fleet
 from mp2a.formation.choreography.leader import arc_rate
-from mp2a.formation.choreography.places import places
-from mp2a.formation.choreography.runner import Fleet
 from mp2a.formation.choreography.scenario import Circle, NewLeader, Scenario, Shape
+from mp2a.formation.choreography.slots import slots
+from mp2a.formation.constants import LEADER_SPEED_SHARE, STOP_DISTANCE, STOP_SIDE
 
-Places = dict[str, tuple[float, float]]
+Slots = dict[str, tuple[float, float]]
 
 
 def broken_rules(scenario: Scenario, fleet: Fleet, max_speed: float, margin: float) -> list[Finding]:
@@ -30,10 +30,10 @@ def broken_rules(scenario: Scenario, fleet: Fleet, max_speed: float, margin: flo
         What is to stay free between two bodies, m.
     """
     findings = list(_speed(scenario, fleet, max_speed))
-    now: Places = {}
+    now: Slots = {}
     for k, instruction in enumerate(scenario.instructions):
         if isinstance(instruction, Shape):
-            now |= places(instruction)
+            now |= slots(instruction)
             findings += _tight(scenario, fleet, _together(scenario, k), margin, instruction.line)
         elif isinstance(instruction, Circle):
             members = scenario.members(instruction.group)
@@ -41,17 +41,17 @@ def broken_rules(scenario: Scenario, fleet: Fleet, max_speed: float, margin: flo
     return findings
 
 
-def _together(scenario: Scenario, k: int) -> list[Places]:
-    """Places of a formation, and those of the formations just before that have the same leader."""
-    own = places(scenario.instructions[k])  # type: ignore[arg-type]
+def _together(scenario: Scenario, k: int) -> list[Slots]:
+    """Slots of a formation, and those of the formations just before that have the same leader."""
+    own = slots(scenario.instructions[k])  # type: ignore[arg-type]
     after = itertools.dropwhile(lambda x: isinstance(x, Shape), scenario.instructions[k:])
     if isinstance(next(after, None), NewLeader):
         return [own]
     before = itertools.takewhile(lambda x: isinstance(x, Shape), reversed(scenario.instructions[:k]))
-    return [own, *(places(shape) for shape in before if isinstance(shape, Shape))]
+    return [own, *(slots(shape) for shape in before if isinstance(shape, Shape))]
 
 
-def _tight(scenario: Scenario, fleet: Fleet, formations: list[Places], margin: float, line: int) -> Iterator[Finding]:
+def _tight(scenario: Scenario, fleet: Fleet, formations: list[Slots], margin: float, line: int) -> Iterator[Finding]:
     index = {role: i for i, role in enumerate(scenario.robots)}
     roles = [role for formation in formations for role in formation]
     spots = np.array([spot for formation in formations for spot in formation.values()])
@@ -80,7 +80,7 @@ def _tight(scenario: Scenario, fleet: Fleet, formations: list[Places], margin: f
         yield Finding("spacing", message, serious=bool(near[k]), line=line, robots=robots)
 
 
-def _arc(scenario: Scenario, fleet: Fleet, circle: Circle, now: Places, max_speed: float) -> Iterator[Finding]:
+def _arc(scenario: Scenario, fleet: Fleet, circle: Circle, now: Slots, max_speed: float) -> Iterator[Finding]:
     wide = max(now, key=lambda role: abs(now[role][1]))
     offset = abs(now[wide][1])
     if abs(circle.radius) <= offset:

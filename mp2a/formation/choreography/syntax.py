@@ -6,6 +6,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from mp2a.dependencies import need
 from mp2a.formation.choreography.findings import Finding
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ class Word(NamedTuple):
     column: int
 
 
-class Line(NamedTuple):
+class ScenarioLine(NamedTuple):
     """A line that fits the grammar.
 
     Attributes
@@ -55,7 +56,7 @@ class Line(NamedTuple):
         return self.words[0][0]
 
 
-def lines(text: str) -> Iterator[Line | Finding]:
+def lines(text: str) -> Iterator[ScenarioLine | Finding]:
     """Lines that say something, each as words or as what is wrong with it."""
     for number, content in enumerate(text.removeprefix("\ufeff").split("\n"), 1):
         stripped = content.strip()
@@ -70,21 +71,22 @@ def grammar() -> str:
 
 @cache
 def _parser() -> "Lark":
-    from lark import Lark
+    lark = need("lark", extra="formation", purpose="reading a scenario")
+    parser: Lark = lark.Lark(grammar(), start="line", parser="lalr", maybe_placeholders=False)
+    return parser
 
-    return Lark(grammar(), start="line", parser="lalr", maybe_placeholders=False)
 
-
-def _line(number: int, content: str) -> Line | Finding:
+def _line(number: int, content: str) -> ScenarioLine | Finding:
+    parser = _parser()
     from lark.exceptions import UnexpectedInput
 
     try:
-        tree = _parser().parse(content)
+        tree = parser.parse(content)
     except UnexpectedInput as error:
         return _wrong(number, content, error)
     nested = (child for child in tree.children if not isinstance(child, str))
     parts = ((_words(tree, number),), *(_rows(part, number) for part in nested))
-    return Line(number, str(tree.data), parts)
+    return ScenarioLine(number, str(tree.data), parts)
 
 
 def _rows(part: "Tree[Token]", number: int) -> tuple[tuple[Word, ...], ...]:

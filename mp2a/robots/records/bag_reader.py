@@ -4,11 +4,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mp2a.exceptions import DependencyError, InputError
-from mp2a.robots.records.bag_topics import Topic
+from mp2a.dependencies import need
+from mp2a.exceptions import InputError
+from mp2a.robots.topics import Topic
 
 
-class Message(NamedTuple):
+class BagMessage(NamedTuple):
     """A message as it is in the bag."""
 
     stamp: int
@@ -20,7 +21,7 @@ class Message(NamedTuple):
 
 
 def bag_of(path: Path, role: str) -> Path:
-    """Find the bag of a robot: the path itself if it is a bag, else what has the robot's name in that folder.
+    """Return the bag of a robot: the path itself if it is a bag, else what has the robot's name in that folder.
 
     Raises
     ------
@@ -30,11 +31,11 @@ def bag_of(path: Path, role: str) -> Path:
     if not path.is_dir() or (path / "metadata.yaml").exists():
         return path
     names = (role, f"{role}.bag", f"{role}.mcap", f"{role}.db3")
-    found = next((path / name for name in names if (path / name).exists()), None)
-    if found is None:
-        given = ", ".join(sorted(one.name for one in path.iterdir())) or "nothing"
-        raise InputError(f"recording: got {path} with {given} in it, expected one of {', '.join(names)}")
-    return found
+    bag = next((path / name for name in names if (path / name).exists()), None)
+    if bag is None:
+        content = ", ".join(sorted(one.name for one in path.iterdir())) or "nothing"
+        raise InputError(f"recording: got {path} with {content} in it, expected one of {', '.join(names)}")
+    return bag
 
 
 class BagReader:
@@ -63,42 +64,37 @@ class BagReader:
     """
 
     def __init__(self, path: Path, topics: Sequence[Topic], role: str) -> None:
-        try:
-            from rosbags.highlevel import AnyReader
-            from rosbags.typesys import Stores, get_typestore
-        except ImportError as error:
-            raise DependencyError(f"a recording needs rosbags: pip install 'mp2a[record]' ({error})") from error
+        AnyReader = need("rosbags.highlevel", extra="record", purpose="a recording").AnyReader
+        typesys = need("rosbags.typesys", extra="record", purpose="a recording")
         self.path = path
         try:
             # Bags of ROS 2 Humble and older in SQLite files do not hold the definitions of their messages.
-            self._reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+            self._reader = AnyReader([path], default_typestore=typesys.get_typestore(typesys.Stores.ROS2_HUMBLE))
             self._reader.open()
         except Exception as error:  # there is no end to what a broken file raises
             raise InputError(f"recording: {path} cannot be read as a bag of ROS 1 or ROS 2 ({error})") from error
         self._fields = {topic.name: topic.field for topic in topics}
         there: dict[str, list[Any]] = {}  # of ROS 1 one a publisher
-        for found in self._reader.connections:
-            there.setdefault(_absolute(found.topic), []).append(found)
+        for connection in self._reader.connections:
+            there.setdefault(_absolute(connection.topic), []).append(connection)
         try:
             for topic in topics:
                 _check(path, topic, role, there)
         except InputError:
             self.close()
             raise
-        self._connections = [found for name in self._fields for found in there.get(name, [])]
-        self.counts = {
-            field: sum(found.msgcount for found in there.get(name, [])) for name, field in self._fields.items()
-        }
+        self._connections = [one for name in self._fields for one in there.get(name, [])]
+        self.counts = {field: sum(one.msgcount for one in there.get(name, [])) for name, field in self._fields.items()}
 
-    def messages(self) -> Iterator[Message]:
-        """Messages of the topics, by time; raises `InputError` where the file is broken."""
+    def messages(self) -> Iterator[BagMessage]:
+        """Yield the messages of the topics, by time; raises `InputError` where the file is broken."""
         try:
             for connection, stamp, raw in self._reader.messages(self._connections):
-                yield Message(stamp, self._fields[_absolute(connection.topic)], connection.msgtype, raw)
+                yield BagMessage(stamp, self._fields[_absolute(connection.topic)], connection.msgtype, raw)
         except Exception as error:
             raise InputError(f"recording: {self.path} breaks off ({error})") from error
 
-    def decode(self, message: Message) -> Any:
+    def decode(self, message: BagMessage) -> Any:
         """Return the message as an object with the fields of its type."""
         try:
             return self._reader.deserialize(message.raw, message.kind)
@@ -113,10 +109,10 @@ class BagReader:
 
 def _check(path: Path, topic: Topic, role: str, there: Mapping[str, Sequence[Any]]) -> None:
     what = f"{topic.name}, {topic.field} of {role}"
-    kinds = sorted({found.msgtype for found in there.get(topic.name, [])})
+    kinds = sorted({one.msgtype for one in there.get(topic.name, [])})
     if topic.wanted and not kinds:
-        given = ", ".join(f"{name} ({found[0].msgtype})" for name, found in sorted(there.items())) or "none"
-        raise InputError(f"recording: {path}: got no {what} ({topic.types[0]}), expected it among its topics: {given}")
+        names = ", ".join(f"{name} ({same[0].msgtype})" for name, same in sorted(there.items())) or "none"
+        raise InputError(f"recording: {path}: got no {what} ({topic.types[0]}), expected it among its topics: {names}")
     if not set(kinds) <= set(topic.types):
         raise InputError(f"recording: {path}: {what}: got {', '.join(kinds)}, expected {' or '.join(topic.types)}")
 

@@ -5,21 +5,24 @@ from typing import Any
 
 import numpy as np
 
-from mp2a.exceptions import DependencyError
-from mp2a.formation.choreography.constants import HIGHEST, LOWEST
-from mp2a.robots.records.bag_topics import topics
-from mp2a.robots.steps import BEGINS, Step, events
-from mp2a.robots.table import RobotInterface
+from mp2a.dependencies import need
+from mp2a.formation.constants import HIGHEST, LOWEST
+from mp2a.robots import cloud
+from mp2a.robots.robot_config import RobotConfig
+from mp2a.robots.ticks import BEGINS, DriveTick, changes
+from mp2a.robots.topics import bag_topics
 from mp2a.spatial import Array
 
 BAGS = ("mcap", "ros2", "ros1")
 """Rosbag2 with MCAP files, rosbag2 with SQLite files, rosbag."""
 _NOT_WRITTEN = ("tf_static", "human_topic")
 _NANOSECONDS = 1_000_000_000
+_UNKNOWN = np.zeros(36)
+"""A covariance."""
 
 
 def bag_path(folder: Path, role: str, bag: str) -> Path:
-    """Where the bag of a robot is: a folder, or a file ``.bag`` of ROS 1."""
+    """Return where the bag of a robot is: a folder, or a file ``.bag`` of ROS 1."""
     return folder / (f"{role}.bag" if bag == "ros1" else role)
 
 
@@ -34,7 +37,7 @@ class BagWriter:
         One of `BAGS`.
     role
         What events call the robot.
-    interface
+    config
         Its topics and frames.
 
     Raises
@@ -43,18 +46,16 @@ class BagWriter:
         If rosbags is not installed.
     """
 
-    def __init__(self, path: Path, bag: str, role: str, interface: RobotInterface) -> None:
-        try:
-            from rosbags import rosbag1, rosbag2
-            from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-        except ImportError as error:
-            raise DependencyError(f"a bag needs rosbags: pip install 'mp2a[record]' ({error})") from error
-        self._role, self._interface, self._ros1 = role, interface, bag == "ros1"
-        self._store = get_typestore(Stores.ROS1_NOETIC if self._ros1 else Stores.ROS2_HUMBLE)
+    def __init__(self, path: Path, bag: str, role: str, config: RobotConfig) -> None:
+        rosbag1, rosbag2, typesys = (
+            need(f"rosbags.{name}", extra="record", purpose="a bag") for name in ("rosbag1", "rosbag2", "typesys")
+        )
+        self._role, self._config, self._ros1 = role, config, bag == "ros1"
+        self._store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if self._ros1 else typesys.Stores.ROS2_HUMBLE)
         self._writer: Any
         if self._ros1:
-            transforms = get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage")
-            self._store.register(transforms)
+            transforms = "geometry_msgs/TransformStamped[] transforms"
+            self._store.register(typesys.get_types_from_msg(transforms, "tf2_msgs/msg/TFMessage"))
             self._writer = rosbag1.Writer(path)
             self._serialize: Any = self._store.serialize_ros1
         else:
@@ -65,41 +66,45 @@ class BagWriter:
                 self._writer.set_compression(rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
             self._serialize = self._store.serialize_cdr
         self._writer.open()
-        written = [topic for topic in topics(interface) if topic.field not in _NOT_WRITTEN]
         self._topics = {
             topic.field: (self._writer.add_connection(topic.name, topic.types[0], typestore=self._store), topic)
-            for topic in written
-        }
+            for topic in bag_topics(config) if topic.field not in _NOT_WRITTEN
+        }  # fmt: skip
         self._flags: tuple[bool, ...] = BEGINS
 
     def tell(self, stamp: int, text: str) -> None:
         """Write an event at ``stamp`` ns."""
-        self._put("events", stamp, self._new("std_msgs/msg/String", data=f"{self._role} {text}"))
+        self._put("events", stamp, self._new("std_msgs/String", f"{self._role} {text}"))
 
-    def add(self, stamp: int, step: Step) -> None:
-        """Write a step at ``stamp`` ns.
+    def add(self, stamp: int, tick: DriveTick) -> None:
+        """Write a tick at ``stamp`` ns.
 
         A pose or speed that was lost is not a number in the odometry; ``/tf`` then is silent.
         """
-        pose, twist, points = step.sensed.pose, step.sensed.twist, step.sensed.points
-        interface = self._interface
-        if np.isfinite(pose).all():
-            moved = self._transform(stamp, pose)
-            self._put("tf", stamp, self._new("tf2_msgs/msg/TFMessage", transforms=[moved]))
-        self._put("odometry_topic", stamp, self._odometry(stamp, pose, twist))
-        if interface.pose == "stamped":
-            header = self._header(stamp, interface.fixed_frame)
-            placed = self._new("geometry_msgs/msg/PoseStamped", header=header, pose=self._pose(pose))
-            self._put("pose_topic", stamp, placed)
-            self._put("twist_topic", stamp, self._stamped(stamp, twist))
-        if points is not None and interface.points_topic:
-            self._put("points_topic", stamp, self._cloud(stamp, points))
-        plain = interface.message == "Twist"
-        command = self._twist(step.command) if plain else self._stamped(stamp, step.command)
-        self._put("command_topic", stamp, command)
-        for text in events(self._flags, step.flags):
+        sensed, config = tick.sensed, self._config
+        in_fixed, in_body = (self._header(stamp, frame) for frame in (config.fixed_frame, config.body_frame))
+        pose, twist, command = self._pose(sensed.pose), self._twist(sensed.twist), self._twist(tick.command)
+        if np.isfinite(sensed.pose).all():
+            translation = self._new("geometry_msgs/Vector3", *_floats(*sensed.pose[:2], 0))
+            moved = self._new("geometry_msgs/Transform", translation, pose.orientation)
+            transform = self._new("geometry_msgs/TransformStamped", in_fixed, config.body_frame, moved)
+            self._put("tf", stamp, self._new("tf2_msgs/TFMessage", [transform]))
+        uncertain = (
+            self._new(f"geometry_msgs/{kind}WithCovariance", value, _UNKNOWN)
+            for kind, value in (("Pose", pose), ("Twist", twist))
+        )
+        self._put("odometry_topic", stamp, self._new("nav_msgs/Odometry", in_fixed, config.body_frame, *uncertain))
+        if config.pose == "stamped":
+            self._put("pose_topic", stamp, self._new("geometry_msgs/PoseStamped", in_fixed, pose))
+            self._put("twist_topic", stamp, self._new("geometry_msgs/TwistStamped", in_body, twist))
+        if sensed.points is not None and config.points_topic:
+            self._put("points_topic", stamp, self._cloud(in_body, sensed.points))
+        stamped = config.message == "TwistStamped"
+        message = self._new("geometry_msgs/TwistStamped", in_body, command) if stamped else command
+        self._put("command_topic", stamp, message)
+        for text in changes(self._flags, tick.flags):
             self.tell(stamp, text)
-        self._flags = step.flags
+        self._flags = tick.flags
 
     def close(self) -> None:
         """Write the index; before it a bag is not whole."""
@@ -109,62 +114,31 @@ class BagWriter:
         connection, topic = self._topics[field]
         self._writer.write(connection, stamp, self._serialize(message, topic.types[0]))
 
-    def _new(self, kind: str, **values: Any) -> Any:
-        return self._store.types[kind](**values)
+    def _new(self, kind: str, *fields: Any) -> Any:
+        package, _, name = kind.partition("/")
+        return self._store.types[f"{package}/msg/{name}"](*fields)
 
     def _header(self, stamp: int, frame: str) -> Any:
-        seconds, nanoseconds = divmod(stamp, _NANOSECONDS)
-        time = self._new("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
-        count = {"seq": 0} if self._ros1 else {}
-        return self._new("std_msgs/msg/Header", stamp=time, frame_id=frame, **count)
-
-    def _vector(self, x: float = 0.0, y: float = 0.0, z: float = 0.0, kind: str = "Vector3") -> Any:
-        return self._new(f"geometry_msgs/msg/{kind}", x=float(x), y=float(y), z=float(z))
-
-    def _turned(self, heading: float) -> Any:
-        z, w = float(np.sin(heading / 2)), float(np.cos(heading / 2))
-        return self._new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=z, w=w)
+        time = self._new("builtin_interfaces/Time", *divmod(stamp, _NANOSECONDS))
+        return self._new("std_msgs/Header", *([0] * self._ros1), time, frame)  # ROS 1 counts headers
 
     def _pose(self, pose: Array) -> Any:
-        place = self._vector(pose[0], pose[1], kind="Point")
-        return self._new("geometry_msgs/msg/Pose", position=place, orientation=self._turned(pose[2]))
+        x, y, heading = pose
+        turned = self._new("geometry_msgs/Quaternion", *_floats(0, 0, np.sin(heading / 2), np.cos(heading / 2)))
+        return self._new("geometry_msgs/Pose", self._new("geometry_msgs/Point", *_floats(x, y, 0)), turned)
 
     def _twist(self, speeds: Array) -> Any:
-        linear, angular = self._vector(x=speeds[0]), self._vector(z=speeds[1])
-        return self._new("geometry_msgs/msg/Twist", linear=linear, angular=angular)
+        linear, angular = ((speeds[0], 0, 0), (0, 0, speeds[1]))
+        vectors = (self._new("geometry_msgs/Vector3", *_floats(*vector)) for vector in (linear, angular))
+        return self._new("geometry_msgs/Twist", *vectors)
 
-    def _stamped(self, stamp: int, speeds: Array) -> Any:
-        header = self._header(stamp, self._interface.body_frame)
-        return self._new("geometry_msgs/msg/TwistStamped", header=header, twist=self._twist(speeds))
+    def _cloud(self, header: Any, points: Array) -> Any:
+        """Return points in the body's frame; their height, which nobody knows any more, is one that is in the way."""
+        placed = np.column_stack((points, np.full(len(points), (LOWEST + HIGHEST) / 2)))
+        fields = list(cloud.content(placed, header, lambda *field: self._new("sensor_msgs/PointField", *field)))
+        fields[7] = np.frombuffer(fields[7], dtype=np.uint8)
+        return self._new("sensor_msgs/PointCloud2", *fields)
 
-    def _transform(self, stamp: int, pose: Array) -> Any:
-        moved = self._new(
-            "geometry_msgs/msg/Transform", translation=self._vector(pose[0], pose[1]), rotation=self._turned(pose[2])
-        )
-        return self._new(
-            "geometry_msgs/msg/TransformStamped", header=self._header(stamp, self._interface.fixed_frame),
-            child_frame_id=self._interface.body_frame, transform=moved,
-        )  # fmt: skip
 
-    def _odometry(self, stamp: int, pose: Array, twist: Array) -> Any:
-        unknown = np.zeros(36)
-        placed = self._new("geometry_msgs/msg/PoseWithCovariance", pose=self._pose(pose), covariance=unknown)
-        moving = self._new("geometry_msgs/msg/TwistWithCovariance", twist=self._twist(twist), covariance=unknown)
-        return self._new(
-            "nav_msgs/msg/Odometry", header=self._header(stamp, self._interface.fixed_frame),
-            child_frame_id=self._interface.body_frame, pose=placed, twist=moving,
-        )  # fmt: skip
-
-    def _cloud(self, stamp: int, points: Array) -> Any:
-        """Points in the body's frame; their height, which nobody knows any more, is one that is in the way."""
-        flat = np.full((len(points), 3), (LOWEST + HIGHEST) / 2, dtype="<f4")
-        flat[:, :2] = points
-        fields = [
-            self._new("sensor_msgs/msg/PointField", name=name, offset=4 * k, datatype=7, count=1)  # FLOAT32
-            for k, name in enumerate("xyz")
-        ]
-        return self._new(
-            "sensor_msgs/msg/PointCloud2", header=self._header(stamp, self._interface.body_frame), height=1,
-            width=len(flat), fields=fields, is_bigendian=False, point_step=12, row_step=12 * len(flat),
-            data=flat.reshape(-1).view(np.uint8), is_dense=True,
-        )  # fmt: skip
+def _floats(*numbers: float) -> tuple[float, ...]:
+    return tuple(map(float, numbers))

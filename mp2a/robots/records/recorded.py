@@ -1,29 +1,39 @@
 """A robot out of a recording: it gives what was recorded and drives nowhere, whatever it is told."""
 
-import math
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from mp2a.exceptions import InputError
-from mp2a.formation.choreography.obstacles import from_cloud
-from mp2a.robots.cloud import points as cloud_points
-from mp2a.robots.frames import Transforms
-from mp2a.robots.interface import NO_POSE, Sensed
-from mp2a.robots.odometry import heading
-from mp2a.robots.records.bag_reader import BagReader, Message, bag_of
-from mp2a.robots.records.bag_topics import topics
-from mp2a.robots.steps import EVENTS
-from mp2a.robots.table import RobotInterface
+from mp2a.robots.adapters import AdapterConfig, AdapterResult
+from mp2a.robots.clock import VirtualClock
+from mp2a.robots.interface import Sensed
+from mp2a.robots.records.bag_reader import BagMessage, BagReader, bag_of
+from mp2a.robots.robot_config import RobotConfig
+from mp2a.robots.ticks import EVENTS
+from mp2a.robots.topic_state import TopicState, speeds
+from mp2a.robots.topics import bag_topics
+from mp2a.robots.transforms import Transforms
 from mp2a.spatial import Array
 
 _SECOND = 1_000_000_000
 _HUMAN = EVENTS[2]
-_TF_KEPT = 10.0
-"""s for which a transform to a sensor is believed."""
+
+
+def make(config: AdapterConfig) -> AdapterResult:
+    """Open the recordings of this process' robots."""
+    if config.recording is None:
+        raise InputError("recording: got none, expected --recording PATH, or recording = in the robots file")
+    robots = [RecordedRobot(role, config.recording, config.robots[role], config.begin) for role in config.roles]
+    return AdapterResult(
+        robots,
+        VirtualClock(config.period, robots),
+        epochs=[robot.epoch for robot in robots],
+        report=lambda good: [line for robot in robots for line in difference_report(robot, good)],
+    )
 
 
 class Difference(NamedTuple):
@@ -50,7 +60,7 @@ class RecordedRobot:
         Of the robot.
     path
         A bag, or a folder with one a robot (`bag_of`).
-    interface
+    config
         Its topics and frames.
     begin
         s from the first message to time 0; None: as soon as pose and odometry are known.
@@ -63,8 +73,8 @@ class RecordedRobot:
         ns: the time in the bag that is time 0.
     over : bool
         Whether the recording has come to its end; after it the robot stands and sees what it saw last.
-    unplaced : str
-        Frame of points that were not used since nobody knows where it is; empty: there are none.
+    state : TopicState
+        What its topics have told so far.
     difference
         Between its commands and those that were recorded so far.
 
@@ -76,24 +86,23 @@ class RecordedRobot:
         If rosbags is not installed.
     """
 
-    def __init__(self, role: str, path: Path, interface: RobotInterface, begin: float | None = None) -> None:
-        self.role, self.interface = role, interface
-        self._bag = BagReader(bag_of(path, role), topics(interface), role)
+    def __init__(self, role: str, path: Path, config: RobotConfig, begin: float | None = None) -> None:
+        self.role, self.config = role, config
+        self._bag = BagReader(bag_of(path, role), bag_topics(config), role)
         self.path = self._bag.path
         self.has_lidar = bool(self._bag.counts.get("points_topic"))
-        self._messages: Iterator[Message] = self._bag.messages()
-        self._ahead: deque[Message] = deque()
-        self._motion = "twist_topic" if interface.pose == "stamped" else "odometry_topic"
-        self._half = round(_SECOND / interface.rate / 2)
-        self._transforms = Transforms(self._clock, self._clock)
-        self._last: dict[str, tuple[int, Any]] = {}
-        self._cloud: Message | None = None
+        self._messages: Iterator[BagMessage] = self._bag.messages()
+        self._ahead: deque[BagMessage] = deque()
+        self._motion = "twist_topic" if config.pose == "stamped" else "odometry_topic"
+        self._half = round(_SECOND / config.rate / 2)
+        self.state = TopicState(config, Transforms(self._clock, self._clock), self._clock)
+        self._moved: int | None = None  # when odometry came last
+        self._cloud: BagMessage | None = None
         self._seen: Array = np.empty((0, 2))
         self._human = self.over = False
-        self.unplaced = ""
         self.difference = Difference(0, np.zeros(2), np.zeros(2))
         self._time = 0.0
-        self._latest = self._moment = self._now = 0
+        self._latest = self._now = 0
         try:
             self.epoch = self._find_start(begin)
             self._sensed = self._make()
@@ -103,25 +112,25 @@ class RecordedRobot:
 
     def advance(self, t: float) -> None:
         """Go on to ``t`` s."""
-        self._time, self._moment = t, self._near(self.epoch + round(t * _SECOND))
-        self._take_until(self._moment)
-        self.over = not self._ahead and self._moment > self._latest
+        self._time = t
+        self._take_until(self._near(self.epoch + round(t * _SECOND)))
+        self.over = not self._ahead and self._now > self._latest
         if self.over:
             self._sensed = self._sensed._replace(twist=np.zeros(2), points=self._seen)
         else:
             self._sensed = self._make()
 
     def sense(self) -> Sensed:
-        """Tell what was recorded last."""
+        """Return what was recorded last."""
         return self._sensed
 
     def send(self, command: Array) -> None:
         """Compare a command with the one that was recorded last; nothing else comes of it."""
-        recorded = self._newest("command_topic", self.interface.patience)
+        recorded = self.state.newest("command_topic", self.config.patience)
         if recorded is None or self.over:
             return
         compared, largest, times = self.difference
-        apart = np.abs(command - _speeds(getattr(recorded, "twist", recorded)))
+        apart = np.abs(command - speeds(getattr(recorded, "twist", recorded)))
         self.difference = Difference(
             compared + 1, np.fmax(apart, largest), np.where(apart > largest, self._time, times)
         )  # fmt: skip
@@ -143,19 +152,16 @@ class RecordedRobot:
         while self._ahead:
             start = max(start, self._ahead[0].stamp) if begin is None else start
             self._take_until(start)
-            self._moment = start
-            missing = [
-                what for what, value in (("pose", self._pose()), ("odometry", self._twist()))
-                if not np.isfinite(value).all()
-            ]  # fmt: skip
+            known = {"pose": self.state.pose(), "odometry": self.state.twist()}
+            missing = [what for what, value in known.items() if not np.isfinite(value).all()]
             if not missing:
                 return start
             if begin is not None:
                 break
         when = "from begin to end" if begin is None else f"{begin:g} s after its first message"
-        known = f"; transforms: {self._transforms.known()}" if self.interface.pose == "tf" else ""
+        frames = f"; transforms: {self.state.transforms.known()}" if self.config.pose == "tf" else ""
         raise InputError(
-            f"recording: {self.path}: got no {' and no '.join(missing)} of {self.role} {when}, expected them{known}"
+            f"recording: {self.path}: got no {' and no '.join(missing)} of {self.role} {when}, expected them{frames}"
         )
 
     def _near(self, due: int) -> int:
@@ -163,8 +169,8 @@ class RecordedRobot:
         while self._pull_up_to(due + self._half):
             pass
         odometry = [message.stamp for message in self._ahead if message.field == self._motion]
-        if self._motion in self._last:  # at the start it has been taken already
-            odometry.append(self._last[self._motion][0])
+        if self._moved is not None:  # at the start it has been taken already
+            odometry.append(self._moved)
         near = [stamp for stamp in odometry if abs(stamp - due) < self._half]
         return min(near, key=lambda stamp: abs(stamp - due), default=due)
 
@@ -187,95 +193,36 @@ class RecordedRobot:
             self._take(message)
         self._now = stamp
 
-    def _take(self, message: Message) -> None:
+    def _take(self, message: BagMessage) -> None:
         if message.field == "points_topic":  # decoded only if it is the last one of a tick
             self._cloud = message
             return
+        self._now = message.stamp
         content = self._bag.decode(message)
-        if message.field in ("tf", "tf_static"):
-            self._now = message.stamp
-            for transform in content.transforms:
-                self._transforms.put(transform, fixed=message.field == "tf_static")
-        elif message.field == "events":
+        if message.field == "events":
             texts = {f"{self.role} {text}": holds for text, holds in zip(_HUMAN, (True, False), strict=True)}
             self._human = texts.get(content.data, self._human)
-        else:
-            self._last[message.field] = message.stamp, content
-
-    def _newest(self, field: str, age: float) -> Any:
-        """Newest message of a topic, None if it is older than ``age`` s."""
-        stamp, content = self._last.get(field, (-math.inf, None))
-        return content if self._moment - stamp <= age * _SECOND else None
+            return
+        if message.field == self._motion:
+            self._moved = message.stamp
+        self.state.put(message.field, self._clock(), content)
 
     def _make(self) -> Sensed:
-        by_hand = self._newest("human_topic", self.interface.human_pause) is not None
-        return Sensed(self._pose(), self._twist(), self._points(), self._human or by_hand)
-
-    def _pose(self) -> Array:
-        interface = self.interface
-        message = self._newest("pose_topic" if interface.pose == "stamped" else "odometry_topic", interface.pose_age)
-        told = None if message is None else message.pose if interface.pose == "stamped" else message.pose.pose
-        if interface.pose != "tf":
-            return NO_POSE if told is None else np.array([told.position.x, told.position.y, heading(told.orientation)])
-        found = self._transforms.look_up(interface.fixed_frame, interface.body_frame)
-        # Odometry of ours says at once that the pose was lost; a transform that is no more sent does not.
-        lost = told is not None and math.isnan(told.position.x)
-        if found is None or found.age > interface.pose_age or lost:
-            return NO_POSE
-        return np.array([found.shift[0], found.shift[1], found.heading])
-
-    def _twist(self) -> Array:
-        message = self._newest(self._motion, self.interface.pose_age)
-        if message is None:
-            return np.full(2, np.nan)
-        return _speeds(message.twist if self._motion == "twist_topic" else message.twist.twist)
-
-    def _points(self) -> Array | None:
-        """Points that are in the way, of the newest scan since the last tick; None if its place is not known."""
-        message, self._cloud = self._cloud, None
-        if message is None:
-            return None
-        cloud, body = self._bag.decode(message), self.interface.body_frame
+        cloud, self._cloud = self._cloud, None
+        if cloud is not None:
+            self.state.put("points_topic", cloud.stamp / _SECOND, self._bag.decode(cloud))
         try:
-            found = cloud_points(cloud)
+            sensed = self.state.sensed()
         except InputError as error:
-            raise InputError(f"recording: {self.path}: points at {message.stamp} ns: {error}") from None
-        mounted = self._transforms.look_up(body, cloud.header.frame_id)
-        if mounted is None or mounted.age > _TF_KEPT:
-            self.unplaced = cloud.header.frame_id
-            return None
-        self._seen = from_cloud(mounted.apply(found))
-        return self._seen
+            stamp = cloud.stamp if cloud else self._now
+            raise InputError(f"recording: {self.path}: points at {stamp} ns: {error}") from None
+        if sensed.points is not None:
+            self._seen = sensed.points
+        return sensed._replace(human=self._human or sensed.human)
 
 
-class RecordedPace:
-    """Time that passes as fast as recordings are read; it ends when all of them have.
-
-    Parameters
-    ----------
-    period
-        s a tick.
-    robots
-        Whose recordings they are.
-    """
-
-    def __init__(self, period: float, robots: Sequence[RecordedRobot]) -> None:
-        self._period, self._robots, self._tick = period, robots, 0
-
-    def now(self) -> float:
-        """Tell the time since the start, s."""
-        return self._tick * self._period
-
-    def wait(self, done: bool = False) -> bool:
-        """Go on by a tick; returns whether there is no more to come."""
-        self._tick += 1
-        for robot in self._robots:
-            robot.advance(self.now())
-        return done or all(robot.over for robot in self._robots)
-
-
-def report(robot: RecordedRobot, good: bool) -> list[str]:
-    """Lines that tell how a robot's commands differ from the recorded ones, and what could not be used.
+def difference_report(robot: RecordedRobot, good: bool) -> list[str]:
+    """Return lines that tell how a robot's commands differ from the recorded ones, and what could not be used.
 
     Parameters
     ----------
@@ -284,9 +231,9 @@ def report(robot: RecordedRobot, good: bool) -> list[str]:
     good
         Whether all robots came to the end of the scenario.
     """
-    interface = robot.interface
+    config = robot.config
     compared, (speed, turn), (when, where) = robot.difference
-    lines = [f"no commands on {interface.command_topic} to compare with"]
+    lines = [f"no commands on {config.command_topic} to compare with"]
     if compared:
         lines = [
             f"largest difference to the recorded commands: linear.x {speed:.3g} m/s at {when:.2f} s, angular.z "
@@ -294,12 +241,8 @@ def report(robot: RecordedRobot, good: bool) -> list[str]:
         ]
     if robot.over and not good:
         lines.append("its recording is over before the scenario")
-    if interface.points_topic and not robot.has_lidar:
-        lines.append(f"no points on {interface.points_topic}: driven as a robot without LIDAR")
-    if robot.unplaced:
-        lines.append(f"points in {robot.unplaced} not used: no transform to {interface.body_frame}")
+    if config.points_topic and not robot.has_lidar:
+        lines.append(f"no points on {config.points_topic}: driven as a robot without LIDAR")
+    if robot.state.unplaced:
+        lines.append(f"points in {robot.state.unplaced} not used: no transform to {config.body_frame}")
     return [f"{robot.role:<8} {line}" for line in lines]
-
-
-def _speeds(twist: Any) -> Array:
-    return np.array([twist.linear.x, twist.angular.z])

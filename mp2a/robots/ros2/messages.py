@@ -1,185 +1,50 @@
 """The messages of ROS 2 that are used here, as types of DDS: what is on the wire, field by field.
 
-From the ``.msg`` files of ROS 2's common_interfaces; ``rt/`` and ``dds_`` are how ROS 2 names topics and types on DDS.
+From the ``.msg`` files of ROS 2's common_interfaces; ``dds_`` and the underscore are how ROS 2 names types on DDS.
 """
 
-from dataclasses import dataclass, field
+from typing import Any
 
-from cyclonedds.idl import IdlStruct
+from cyclonedds.idl import make_idl_struct
 from cyclonedds.idl.types import array, float32, float64, int8, int32, sequence, uint8, uint32
 
-
-@dataclass
-class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
-    """``builtin_interfaces/Time``."""
-
-    sec: int32 = 0
-    nanosec: uint32 = 0
+MESSAGES: dict[str, Any] = {}
+"""Every type by its name in ROS 2; built of its fields in their order."""
 
 
-@dataclass
-class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
-    """``std_msgs/Header``."""
-
-    stamp: Time = field(default_factory=Time)
-    frame_id: str = ""
-
-
-@dataclass
-class String(IdlStruct, typename="std_msgs::msg::dds_::String_"):
-    """``std_msgs/String``."""
-
-    data: str = ""
+def _message(kind: str, *, package_on_wire: str = "", **fields: Any) -> Any:
+    """Add a type that has these fields, by name."""
+    package, _, name = kind.split("/")
+    made = make_idl_struct(name, f"{package_on_wire or package}::msg::dds_::{name}_", fields)
+    MESSAGES[kind] = made
+    return made
 
 
-@dataclass
-class Bool(IdlStruct, typename="std_msgs::msg::dds_::Bool_"):
-    """``std_msgs/Bool``."""
-
-    data: bool = False
-
-
-@dataclass
-class Vector3(IdlStruct, typename="geometry_msgs::msg::dds_::Vector3_"):
-    """``geometry_msgs/Vector3``."""
-
-    x: float64 = 0.0
-    y: float64 = 0.0
-    z: float64 = 0.0
-
-
-@dataclass
-class Twist(IdlStruct, typename="geometry_msgs::msg::dds_::Twist_"):
-    """``geometry_msgs/Twist``."""
-
-    linear: Vector3 = field(default_factory=Vector3)
-    angular: Vector3 = field(default_factory=Vector3)
-
-
-@dataclass
-class TwistStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TwistStamped_"):
-    """``geometry_msgs/TwistStamped``."""
-
-    header: Header = field(default_factory=Header)
-    twist: Twist = field(default_factory=Twist)
-
-
-@dataclass
-class Point(IdlStruct, typename="geometry_msgs::msg::dds_::Point_"):
-    """``geometry_msgs/Point``."""
-
-    x: float64 = 0.0
-    y: float64 = 0.0
-    z: float64 = 0.0
-
-
-@dataclass
-class Quaternion(IdlStruct, typename="geometry_msgs::msg::dds_::Quaternion_"):
-    """``geometry_msgs/Quaternion``."""
-
-    x: float64 = 0.0
-    y: float64 = 0.0
-    z: float64 = 0.0
-    w: float64 = 1.0
-
-
-@dataclass
-class Pose(IdlStruct, typename="geometry_msgs::msg::dds_::Pose_"):
-    """``geometry_msgs/Pose``."""
-
-    position: Point = field(default_factory=Point)
-    orientation: Quaternion = field(default_factory=Quaternion)
-
-
-@dataclass
-class PoseStamped(IdlStruct, typename="geometry_msgs::msg::dds_::PoseStamped_"):
-    """``geometry_msgs/PoseStamped``."""
-
-    header: Header = field(default_factory=Header)
-    pose: Pose = field(default_factory=Pose)
-
-
-@dataclass
-class Transform(IdlStruct, typename="geometry_msgs::msg::dds_::Transform_"):
-    """``geometry_msgs/Transform``."""
-
-    translation: Vector3 = field(default_factory=Vector3)
-    rotation: Quaternion = field(default_factory=Quaternion)
-
-
-@dataclass
-class TransformStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TransformStamped_"):
-    """``geometry_msgs/TransformStamped``."""
-
-    header: Header = field(default_factory=Header)
-    child_frame_id: str = ""
-    transform: Transform = field(default_factory=Transform)
-
-
-@dataclass
-class TFMessage(IdlStruct, typename="tf2_msgs::msg::dds_::TFMessage_"):
-    """``tf2_msgs/TFMessage``."""
-
-    transforms: sequence[TransformStamped] = field(default_factory=list)
-
-
-@dataclass
-class PoseWithCovariance(IdlStruct, typename="geometry_msgs::msg::dds_::PoseWithCovariance_"):
-    """``geometry_msgs/PoseWithCovariance``."""
-
-    pose: Pose = field(default_factory=Pose)
-    covariance: array[float64, 36] = field(default_factory=lambda: [0.0] * 36)
-
-
-@dataclass
-class TwistWithCovariance(IdlStruct, typename="geometry_msgs::msg::dds_::TwistWithCovariance_"):
-    """``geometry_msgs/TwistWithCovariance``."""
-
-    twist: Twist = field(default_factory=Twist)
-    covariance: array[float64, 36] = field(default_factory=lambda: [0.0] * 36)
-
-
-@dataclass
-class Odometry(IdlStruct, typename="nav_msgs::msg::dds_::Odometry_"):
-    """``nav_msgs/Odometry``."""
-
-    header: Header = field(default_factory=Header)
-    child_frame_id: str = ""
-    pose: PoseWithCovariance = field(default_factory=PoseWithCovariance)
-    twist: TwistWithCovariance = field(default_factory=TwistWithCovariance)
-
-
-@dataclass
-class PointField(IdlStruct, typename="sensor_msgs::msg::dds_::PointField_"):
-    """``sensor_msgs/PointField``."""
-
-    name: str = ""
-    offset: uint32 = 0
-    datatype: uint8 = 0
-    count: uint32 = 1
-
-
-@dataclass
-class PointCloud2(IdlStruct, typename="sensor_msgs::msg::dds_::PointCloud2_"):
-    """``sensor_msgs/PointCloud2``."""
-
-    header: Header = field(default_factory=Header)
-    height: uint32 = 0
-    width: uint32 = 0
-    fields: sequence[PointField] = field(default_factory=list)
-    is_bigendian: bool = False
-    point_step: uint32 = 0
-    row_step: uint32 = 0
-    data: sequence[uint8] = field(default_factory=list)
-    is_dense: bool = True
-
-
-@dataclass
-class SoundRequest(IdlStruct, typename="sound_play_msgs::msg::dds_::SoundRequest_"):
-    """``sound_play_msgs/SoundRequest``."""
-
-    sound: int8 = 0
-    command: int8 = 0
-    volume: float32 = 1.0
-    arg: str = ""
-    arg2: str = ""
+_time = _message("builtin_interfaces/msg/Time", sec=int32, nanosec=uint32)
+_header = _message("std_msgs/msg/Header", stamp=_time, frame_id=str)
+_message("std_msgs/msg/String", data=str)
+_message("std_msgs/msg/Bool", data=bool)
+_vector = _message("geometry_msgs/msg/Vector3", x=float64, y=float64, z=float64)
+_twist = _message("geometry_msgs/msg/Twist", linear=_vector, angular=_vector)
+_message("geometry_msgs/msg/TwistStamped", header=_header, twist=_twist)
+_point = _message("geometry_msgs/msg/Point", x=float64, y=float64, z=float64)
+_quaternion = _message("geometry_msgs/msg/Quaternion", x=float64, y=float64, z=float64, w=float64)
+_pose = _message("geometry_msgs/msg/Pose", position=_point, orientation=_quaternion)
+_message("geometry_msgs/msg/PoseStamped", header=_header, pose=_pose)
+_transform = _message("geometry_msgs/msg/Transform", translation=_vector, rotation=_quaternion)
+_transform_stamped = _message(
+    "geometry_msgs/msg/TransformStamped", header=_header, child_frame_id=str, transform=_transform
+)
+_message("tf2_msgs/msg/TFMessage", transforms=sequence[_transform_stamped])
+_pose_covariance = _message("geometry_msgs/msg/PoseWithCovariance", pose=_pose, covariance=array[float64, 36])
+_twist_covariance = _message("geometry_msgs/msg/TwistWithCovariance", twist=_twist, covariance=array[float64, 36])
+_message("nav_msgs/msg/Odometry", header=_header, child_frame_id=str, pose=_pose_covariance, twist=_twist_covariance)
+_field = _message("sensor_msgs/msg/PointField", name=str, offset=uint32, datatype=uint8, count=uint32)
+_message(
+    "sensor_msgs/msg/PointCloud2", header=_header, height=uint32, width=uint32, fields=sequence[_field],
+    is_bigendian=bool, point_step=uint32, row_step=uint32, data=sequence[uint8], is_dense=bool,
+)  # fmt: skip
+_message(
+    "sound_play/msg/SoundRequest", package_on_wire="sound_play_msgs", sound=int8, command=int8, volume=float32,
+    arg=str, arg2=str,
+)  # fmt: skip

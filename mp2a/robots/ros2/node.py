@@ -1,9 +1,12 @@
-"""Topics of ROS 2 by DDS itself: no ROS installation is needed. Without numpy, for the watchdog needs none."""
+"""A node of ROS 2, by DDS itself: no ROS installation is needed. Without numpy, for the watchdog needs none."""
 
 import os
+import time
+from collections.abc import Callable
 from typing import Any
 
 from mp2a.exceptions import DependencyError
+from mp2a.robots.ros_backend import Take, TopicWriter
 
 _SECOND = 1_000_000_000
 _FAST_DDS = "1.15"
@@ -21,7 +24,7 @@ _domains: dict[int, Any] = {}
 """Of this process; settings are made once for each, and end with it."""
 
 
-class Node:
+class Ros2Node:
     """Reads and writes topics as a node of ROS 2 does; the domain is that of ``ROS_DOMAIN_ID``.
 
     Settings in ``CYCLONEDDS_URI`` hold as usual. Type descriptions of Fast DDS are not looked at.
@@ -32,7 +35,9 @@ class Node:
         If cyclonedds is not installed, or its settings (``CYCLONEDDS_URI``) do not work here.
     """
 
-    def __init__(self) -> None:
+    name = "ROS 2"
+
+    def __init__(self, role: str) -> None:
         try:
             from cyclonedds.core import DDSException
             from cyclonedds.domain import DomainParticipant
@@ -48,31 +53,60 @@ class Node:
             why = f"({error}); are CYCLONEDDS_URI and ROS_DOMAIN_ID right?"
             raise DependencyError(f"ROS 2: DDS does not start {why}") from error
 
-    def writer(self, topic: str, kind: Any, kept: bool = False) -> Any:
-        """Return a writer of a topic; ``writer.write(message)``. What is kept reaches those who come later, too."""
+    def message(self, kind: str) -> Any:
+        """Return the class of a type of messages."""
+        from mp2a.robots.ros2.messages import MESSAGES
+
+        return MESSAGES[kind]
+
+    def header(self, frame: str) -> Any:
+        """Return a ``std_msgs/Header`` of now."""
+        stamp = self.message("builtin_interfaces/msg/Time")(*divmod(time.time_ns(), _SECOND))
+        return self.message("std_msgs/msg/Header")(stamp, frame)
+
+    def clock(self) -> float:
+        """Return the time that stamps go by, s."""
+        return time.time()
+
+    def writer(self, topic: str, kind: str, *, depth: int = 10, kept: bool = False) -> TopicWriter:
+        """Open a topic for writing."""
         from cyclonedds.pub import DataWriter
 
-        return DataWriter(self._participant, self._topic(topic, kind), _quality(True, 1 if kept else 10, kept))
+        message, quality = self.message(kind), _quality(True, 1 if kept else depth, kept)
+        opened = DataWriter(self._participant, self._topic(topic, message), quality)
+        return TopicWriter(
+            lambda *fields: opened.write(message(*fields)), lambda: len(opened.get_matched_subscriptions())
+        )
 
     def reader(
-        self, topic: str, kind: Any, depth: int = 1, reliable: bool = False, kept: bool = False, own: bool = True
-    ) -> Any:
-        """Return a reader of a topic, for `take`.
-
-        One that is not reliable takes what either kind sends. Without ``own`` it does not hear this node itself.
-        """
+        self, topic: str, kind: str, *, depth: int = 1, kept: bool = False, reliable: bool = False, own: bool = True
+    ) -> Take:
+        """Open a topic for reading; one that is not reliable takes what either kind sends."""
         from cyclonedds.core import Policy, Qos
         from cyclonedds.sub import DataReader
 
         quality = _quality(reliable, depth, kept)
         if not own:
             quality = Qos(Policy.IgnoreLocal.Participant, base=quality)
-        return DataReader(self._participant, self._topic(topic, kind), quality)
+        opened = DataReader(self._participant, self._topic(topic, self.message(kind)), quality)
 
-    def _topic(self, topic: str, kind: Any) -> Any:
+        def take() -> list[tuple[float, Any]]:
+            now = time.monotonic()
+            return [(now, sample) for sample in opened.take(N=1000) if sample.sample_info.valid_data]
+
+        return take
+
+    def acquire(self, topic: str, acquire: str, release: str) -> Callable[[], None]:
+        """Refuse: ROS 2 has no such mux."""
+        raise DependencyError(f"ROS 2: acquire: got {acquire}, expected none; muxes that must be asked are ROS 1's")
+
+    def close(self) -> None:
+        """Hold nothing: DDS lets go when the process ends."""
+
+    def _topic(self, topic: str, message: Any) -> Any:
         from cyclonedds.topic import Topic
 
-        return Topic(self._participant, f"rt/{topic.lstrip('/')}", kind)
+        return Topic(self._participant, f"rt/{topic.lstrip('/')}", message)
 
 
 def _set_up(number: int) -> None:
@@ -90,7 +124,7 @@ def _set_up(number: int) -> None:
 
 
 def _quality(reliable: bool, depth: int, kept: bool) -> Any:
-    """Those of ROS 2's defaults; its types are in the plain old representation."""
+    """Return those of ROS 2's defaults; its types are in the plain old representation."""
     from cyclonedds.core import Policy, Qos
 
     return Qos(
@@ -99,8 +133,3 @@ def _quality(reliable: bool, depth: int, kept: bool) -> Any:
         Policy.History.KeepLast(depth),
         Policy.DataRepresentation(use_cdrv0_representation=True),
     )
-
-
-def take(reader: Any) -> list[Any]:
-    """Messages that have come since the last call, oldest first; never waits."""
-    return [sample for sample in reader.take(N=1000) if sample.sample_info.valid_data]
