@@ -103,7 +103,8 @@ def test_robots_that_touch_and_do_not_arrive_are_named_and_the_status_says_so(tm
     assert met
     for event in met:
         other = "a wall or an obstacle" if event.other is None else recording.roles[event.other]
-        said = next(line for line in done.stdout.splitlines() if line.startswith(f"{recording.roles[event.robot]} "))
+        role = recording.roles[event.robot]
+        said = next(x for x in done.stdout.splitlines() if x.startswith(f"{role} ") and "from its place" in x)
         assert other in said.partition("touched ")[2]
     assert "did not arrive" in done.stdout
 

@@ -272,6 +272,17 @@ def test_a_file_of_another_kind_is_called_by_its_name(tmp_path, capsys, picture,
     assert "pickle=" not in said and "unpickle" not in said
 
 
+@pytest.mark.parametrize("arguments", [["check"], ["check", "SCENARIO", "--world"], ["march", "--world"], ["march"]])
+@pytest.mark.parametrize(("ending", "kind"), [("npz", "a zip archive, as numpy's .npz are"), ("mcap", "an MCAP file")])
+def test_a_recording_where_something_else_is_meant_is_called_by_its_name(tmp_path, capsys, arguments, ending, kind):
+    path = save_recording(RECORDING, tmp_path / f"run.{ending}")
+    scenario = str(Path(__file__).parents[1] / "examples" / "scenarios" / "listing_7_1.txt")
+    options = [scenario if word == "SCENARIO" else word for word in arguments]
+    assert main([*options, str(path)]) == 2
+    assert f"{path}{':' if '--world' in options else ''} cannot be read as" in (said := capsys.readouterr().err)
+    assert f"it is {kind}, expected" in said
+
+
 @pytest.mark.parametrize("many", [False, True])
 def test_objects_within_an_array_file_are_neither_loaded_nor_is_that_advised(tmp_path, many):
     path = tmp_path / "x.npz"
