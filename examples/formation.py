@@ -1,4 +1,4 @@
-"""One rank, one robot: mpirun -n 8 python -m mpi4py examples/formation.py."""
+"""One rank, one robot: mp2a run -n 8 examples/formation.py."""
 
 from mpi4py import MPI
 

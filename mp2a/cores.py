@@ -27,7 +27,7 @@ def _local_ranks() -> int:
 
 
 def _machine_cores() -> int:
-    """Cores for all ranks of this machine together."""
+    """Return how many cores all ranks of this machine have together."""
     if not hasattr(os, "sched_getaffinity"):
         return usable_cores()
     cores = os.sched_getaffinity(0)
@@ -58,7 +58,7 @@ def available_memory() -> int | None:
         return None
 
 
-def timer_slack(nanoseconds: int) -> int:
+def set_timer_slack(nanoseconds: int) -> int:
     """Set how much the kernel may add to this thread's sleeps, and to those of processes it starts.
 
     Returns
@@ -78,7 +78,7 @@ def restore_timer_slack() -> None:
     """Make this thread's sleeps exact again after a start with `mp2a.launch`; for after MPI_Init."""
     prctl = _prctl()
     if prctl is not None and prctl(_PR_GET_TIMERSLACK, 0) > USUAL_SLACK:
-        timer_slack(USUAL_SLACK)
+        set_timer_slack(USUAL_SLACK)
 
 
 @cache

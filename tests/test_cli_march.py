@@ -163,7 +163,7 @@ def test_a_full_disk_is_told_on_all_ranks(tmp_path):
 def test_help_has_examples():
     printed = mp2a("--help").stdout
     assert "examples:" in printed
-    assert "mpirun -n 8 mp2a march" in printed
+    assert "mp2a run -n 8 mp2a march" in printed
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,7 @@ from mp2a.simulator import (
     read_world,
 )
 from mp2a.simulator.check import report_simulated
-from mp2a.simulator.vehicle import move
+from mp2a.simulator.vehicle import drive_arcs
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 LISTINGS = {path.stem[8:]: path.read_text() for path in (EXAMPLES / "scenarios").glob("*.txt")}
@@ -76,12 +76,12 @@ def test_what_stands_still_is_put_where_it_is_whatever_the_robot_has_driven(spee
     """A point on the ground, seen a while ago from an arc, comes out at its place in the frame of now."""
     times = np.arange(0, 1.05, 0.01)
     twist = np.array([[speed, turn]])
-    poses = [move(np.array([[1.0, 2.0, heading]]), twist, t) for t in times]
+    poses = [drive_arcs(np.array([[1.0, 2.0, heading]]), twist, t) for t in times]
     memory = PoseHistory(1)
     for time, pose in zip(times, poses, strict=True):
         memory.add(time, pose)
     then = memory.at(np.array([times[-1] - age]))
-    exact = move(poses[-1], twist, -age)
+    exact = drive_arcs(poses[-1], twist, -age)
     np.testing.assert_allclose(then, exact, atol=2e-4)
     place = np.array([[5.0, 5.0]])
     seen = act(then, act_inverse(exact, place))
@@ -109,7 +109,7 @@ def test_a_robot_comes_to_its_place_and_stays_on_it(ahead, left, heading, turn, 
     pose = np.array([[ahead, left, heading]])
     for _ in range(1500):
         told = commands(place, velocity, pose)
-        pose = move(pose, np.clip(told, [-1.0, -2.0], [1.0, 2.0]), 0.02)
+        pose = drive_arcs(pose, np.clip(told, [-1.0, -2.0], [1.0, 2.0]), 0.02)
         step = complex(*velocity[0, :2]) * np.exp(1j * place[0, 2])
         place = place + 0.02 * np.array([step.real, step.imag, turn])
     assert np.hypot(*(pose - place)[0, :2]) < 0.03

@@ -25,8 +25,8 @@ from mp2a.simulator import (
     simulate,
 )
 from mp2a.simulator.contacts import Contacts
-from mp2a.simulator.lidar import points, ranges
-from mp2a.simulator.vehicle import move, respond
+from mp2a.simulator.lidar import ranges, scan_points
+from mp2a.simulator.vehicle import drive_arcs, respond
 from mp2a.simulator.world import rectangles
 
 WALLS = np.array([[-4.0, -3], [5, -3], [5, 3], [-4, 3], [-4, -3]])
@@ -60,8 +60,8 @@ def test_constant_twist_drives_a_circle(speed, rate, heading):
     start = np.array([[1.0, -2.0, heading]])
     pose, twist = start, np.array([[speed, rate]])
     for _ in range(7):
-        pose = move(pose, twist, 0.37)
-    once = move(start, twist, 7 * 0.37)
+        pose = drive_arcs(pose, twist, 0.37)
+    once = drive_arcs(start, twist, 7 * 0.37)
     assert_allclose(pose, once, atol=1e-12)
     if abs(rate) > 1e-3:
         radius = speed / rate
@@ -263,7 +263,7 @@ def test_no_ray_leaves_a_closed_room(x, y, heading, rays):
     pose = np.array([[x, y, heading]])
     found = ranges(Lidar(rays=rays), pose, np.array([1.0]), np.array([0.5]), room.segments)
     assert np.isfinite(found).all()
-    [seen] = points(Lidar(rays=rays, nearest=0.0), found)
+    [seen] = scan_points(Lidar(rays=rays, nearest=0.0), found)
     turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
     assert_allclose(abs(seen @ turn.T + (x, y)).max(axis=1), 2, atol=1e-9)
 
@@ -280,7 +280,7 @@ def test_what_is_too_near_hides_what_is_behind_it():
     lidar = Lidar(rays=4)
     found = ranges(lidar, np.zeros((1, 3)), np.ones(1), np.ones(1), world.segments)
     assert_allclose(found, [[0.2, np.inf, np.inf, np.inf]])
-    assert [len(p) for p in points(lidar, found)] == [0]
+    assert [len(p) for p in scan_points(lidar, found)] == [0]
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.04, 0.2, 0.3])

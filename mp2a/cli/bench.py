@@ -32,7 +32,7 @@ def add(commands: Any) -> None:
         "Time inverse dynamics of a formation, one rank a robot, against pipeline, gather-scatter and pinocchio.",
         "  mp2a bench --ranks 1,2,4,8                start mpirun for each number of ranks\n"
         "  mp2a bench --ranks 1,2,4,8 --resume       go on after Ctrl-C\n"
-        "  mpirun -n 8 mp2a bench                    measure on the ranks that are there\n"
+        "  mp2a run -n 8 mp2a bench                  measure on the ranks that are there\n"
         "  mp2a bench --ranks 8,64 --samples 1 --network 5ms,54Mbit --out results/radio.json\n"
         "  mp2a bench --compare old.json new.json    how many times as long each contender takes in new.json",
     )

@@ -45,7 +45,7 @@ def add(commands: Any) -> None:
         "  mp2a march examples/scenarios/listing_7_1.txt --world examples/worlds/thesis.toml --out results/7_1\n"
         '  mp2a march --n 8 --path "0,0 20,0 20,15" --obstacle 10,0,0.5 --out results/line\n'
         "  mp2a march --shape triangle --n 6 --spacing 3\n"
-        "  mpirun -n 8 mp2a march --obstacle 10,0,0.5           a rank a robot, the same result",
+        "  mp2a run -n 8 mp2a march --obstacle 10,0,0.5         a rank a robot, the same result",
     )
     parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help="a choreography; none: by dynamics")
     parser.add_argument("--world", type=Path, metavar="FILE", help="walls and obstacles, TOML (default: nothing)")

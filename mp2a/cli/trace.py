@@ -16,7 +16,7 @@ def add(commands: Any) -> None:
         "trace",
         _trace,
         "Record one call with real time stamps; the file opens in https://ui.perfetto.dev and in mp2a plot timeline.",
-        "  mp2a trace --ranks 8 --out results/trace.json\n  mpirun -n 8 mp2a trace",
+        "  mp2a trace --ranks 8 --out results/trace.json\n  mp2a run -n 8 mp2a trace",
     )
     parser.add_argument("--ranks", type=positive, help="number of ranks to start (default: 8)")
     add_run_options(parser)

@@ -49,10 +49,12 @@ _DIRECTORIES = {
 
 @dataclass(frozen=True)
 class Launch:
-    """A command (the launcher, its options, the program) and the whole environment to run it in."""
+    """A command and the environment to run it in."""
 
     command: tuple[str, ...]
+    """The launcher, its options, the program and its arguments."""
     environment: dict[str, str]
+    """The whole environment, this process' own included."""
 
 
 def find_mpirun() -> str:

@@ -23,12 +23,12 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from mp2a.exceptions import DependencyError
-from mp2a.launch.rank import become, die_with
+from mp2a.launch.rank import die_with, run_as_rank
 
 _ALWAYS = ("mp2a.mpi", "numpy")
 _BACKLOG = 4096
 _KILLED = 128
-_PATIENCE = 10.0
+_GRACE = 10.0
 _STANDARD = 3
 _HEADER = struct.Struct("Q")
 _PEER = struct.Struct("3i")
@@ -36,18 +36,23 @@ _SIGNALS = signal.SIGCHLD, signal.SIGTERM
 
 
 def main(modules: str, ranks: str, length: str, *command: str) -> int:
-    """Preload and serve; returns mpirun's exit status.
+    """Preload the modules and serve; returns mpirun's exit status.
 
     Parameters
     ----------
-    modules
-        What to import, separated by commas.
-    ranks
-        How many mpirun starts.
-    length
-        Of the program, at the end of the command.
-    *command
+    modules : str
+        The modules to import, separated by commas.
+    ranks : str
+        How many ranks mpirun starts.
+    length : str
+        How many words at the end of the command are the program.
+    *command : str
         mpirun, its options and the program.
+
+    Returns
+    -------
+    int
+        The status.
     """
     import mpi4py
 
@@ -69,33 +74,33 @@ def main(modules: str, ranks: str, length: str, *command: str) -> int:
 
 
 class _Server:
-    """Forks ranks, and tells stubs of the end of ranks and ranks of the end of stubs."""
+    """The server, which forks ranks, and tells stubs of the end of ranks and ranks of the end of stubs."""
 
     def __init__(self, missing: int, program: Sequence[str]) -> None:
         self.missing = missing
-        """Ranks that mpirun has not started yet."""
+        """How many ranks mpirun has not started yet."""
         self.program = program
         self.process = os.getpid()
         self.mpirun = 0
         self.status: int | None = None
         self.deadline: float | None = None
         self.stubs: dict[int, socket.socket] = {}
-        """By the process of their rank."""
+        """The connection to each stub, by the process of its rank."""
         self.ranks: dict[Any, int] = {}
-        """By their stub."""
+        """The process of each rank, by the connection to its stub."""
         self.listener = socket.socket(socket.AF_UNIX)
         # Signals come as bytes through a pipe, so that none interrupts anything.
-        self.bell, self.cord = os.pipe()
+        self.signal_reader, self.signal_writer = os.pipe()
         self.handlers = {number: signal.signal(number, lambda *_: None) for number in _SIGNALS}
         self.selector = selectors.DefaultSelector()
 
     def serve(self, command: tuple[str, ...]) -> int:
         """Run mpirun to its end; returns its exit status."""
-        os.set_blocking(self.cord, False)
-        signal.set_wakeup_fd(self.cord)
+        os.set_blocking(self.signal_writer, False)
+        signal.set_wakeup_fd(self.signal_writer)
         self.listener.bind("")  # the kernel finds a name, which is in no file system, where it might be left
         self.listener.listen(_BACKLOG)
-        self.selector.register(self.bell, selectors.EVENT_READ)
+        self.selector.register(self.signal_reader, selectors.EVENT_READ)
         self.selector.register(self.listener, selectors.EVENT_READ)
         sys.stdout.flush()  # or every rank would say it again
         gc.collect()
@@ -103,30 +108,30 @@ class _Server:
         try:
             self._start(command)
             while self.status is None:
-                for key, _ in self.selector.select(self._patience()):
-                    if key.fileobj == self.bell:
-                        self._answer()
+                for key, _ in self.selector.select(self._timeout()):
+                    if key.fileobj == self.signal_reader:
+                        self._handle_signals()
                     elif key.fileobj is self.listener:
-                        self._admit()
+                        self._fork_rank()
                     elif process := self.ranks.pop(key.fileobj, None):
                         # A stub says nothing more: it has ended, and its rank has to.
                         os.kill(process, signal.SIGKILL)
                         self.selector.unregister(key.fileobj)
-                        self._hurry()
+                        self._set_deadline()
         finally:
             self._end()
         return self.status
 
-    def _hurry(self) -> None:
+    def _set_deadline(self) -> None:
         """Give mpirun, which should end now, some time to do so.
 
         Open MPI 5.0.11 often waits for ever when a rank dies, or it is told to end, while it starts others (64 ranks,
         not forked: in 15 of 25 tries). Otherwise it takes 0.8 s with 256 ranks.
         """
         if self.deadline is None:
-            self.deadline = time.monotonic() + _PATIENCE
+            self.deadline = time.monotonic() + _GRACE
 
-    def _patience(self) -> float | None:
+    def _timeout(self) -> float | None:
         """Return how long to wait for the next event; None for ever."""
         if self.deadline is None:
             return None
@@ -149,8 +154,8 @@ class _Server:
             self.selector.close()
             for file in (self.listener, *self.stubs.values()):
                 file.close()
-            for end in (self.bell, self.cord):
-                os.close(end)
+            for descriptor in (self.signal_reader, self.signal_writer):
+                os.close(descriptor)
             child()
         except BaseException:
             sys.excepthook(*sys.exc_info())
@@ -169,7 +174,7 @@ class _Server:
 
         self.mpirun = self._fork(mpirun)
 
-    def _admit(self) -> None:
+    def _fork_rank(self) -> None:
         """Fork the rank of a stub that has connected."""
         stub, _ = self.listener.accept()
         _, user, _ = _PEER.unpack(stub.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size))
@@ -187,7 +192,7 @@ class _Server:
 
         def rank() -> NoReturn:
             stub.close()
-            become(self.process, environment, folder, descriptors, self.program)
+            run_as_rank(self.process, environment, folder, descriptors, self.program)
 
         self.missing -= 1
         process = self._fork(rank)
@@ -196,11 +201,11 @@ class _Server:
         self.stubs[process], self.ranks[stub] = stub, process
         self.selector.register(stub, selectors.EVENT_READ)
 
-    def _answer(self) -> None:
+    def _handle_signals(self) -> None:
         """Handle the signals that have come."""
-        if signal.SIGTERM in os.read(self.bell, _BACKLOG):
+        if signal.SIGTERM in os.read(self.signal_reader, _BACKLOG):
             os.kill(self.mpirun, signal.SIGTERM)
-            self._hurry()
+            self._set_deadline()
         while self.status is None:
             process, status = os.waitpid(-1, os.WNOHANG)
             if not process:
@@ -217,7 +222,7 @@ class _Server:
         if self.ranks.pop(stub, None):
             self.selector.unregister(stub)
             if code and self.missing:  # later, ranks may have agreed to go on without
-                self._hurry()
+                self._set_deadline()
             with contextlib.suppress(OSError):  # ended meanwhile
                 stub.sendall(b"exit %d\n" % code if code >= 0 else b"kill %d $$; exit %d\n" % (code, _KILLED - code))
         stub.close()

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple, NoReturn
 
-from mp2a.cores import timer_slack, usable_cores
+from mp2a.cores import set_timer_slack, usable_cores
 from mp2a.launch.command import Launch, mpirun_command, open_mpi_version
 
 # What the kernel may add to a sleep, in nanoseconds. MPI_Init waits in sleeps of 100 µs, and the wake-ups of 256 ranks
@@ -83,7 +83,7 @@ def start(
         Their import must not look at what differs between ranks. A forked rank finds MPI initialised, and one that
         raises ends all. When mpirun ends the ranks, they get no other signal than SIGKILL.
     **options
-        For `subprocess.Popen`.
+        Options of `subprocess.Popen`.
 
     Returns
     -------
@@ -104,12 +104,12 @@ def start(
     if preload and crowded and sys.platform == "linux" and open_mpi_version(command[0]) and _is_python(program):
         command = _forked(ranks, launch, program, preload)
     options = {"stdin": subprocess.DEVNULL} | options | {"env": launch.environment, "start_new_session": True}
-    before = timer_slack(_START_SLACK) if crowded else 0
+    before = set_timer_slack(_START_SLACK) if crowded else 0
     try:
         process = Ranks(command, **options)
     finally:
         if before:
-            timer_slack(before)
+            set_timer_slack(before)
     process.directory = directory
     return process
 
@@ -156,7 +156,15 @@ def _sessions(process: Ranks) -> set[int]:
 
 
 def end(process: Ranks, *, grace: float = 5.0) -> None:
-    """End what `start` started: ask the launcher, and after `grace` seconds kill every rank that is left."""
+    """End what `start` started.
+
+    Parameters
+    ----------
+    process : Ranks
+        The launcher, which is asked to end.
+    grace : float
+        The time after which every rank that is left is killed, in seconds.
+    """
     sessions = _sessions(process)
     try:
         if process.poll() is None:
@@ -189,10 +197,26 @@ def run(
     preload: Sequence[str] = (),
     **options: Any,
 ) -> subprocess.CompletedProcess[Any]:
-    """Run a program on many ranks, as `start` does, and wait for it.
+    """Run a program on many ranks and wait for it; no rank is left when this returns or raises.
 
-    No rank is left when this returns or raises: `subprocess.TimeoutExpired` after `timeout` seconds, or
-    KeyboardInterrupt.
+    Parameters
+    ----------
+    ranks, program, environment, preload, **options
+        The same as of `start`.
+    timeout : float, optional
+        The time after which all ranks are ended, in seconds.
+
+    Returns
+    -------
+    subprocess.CompletedProcess
+        The status of mpirun, and what the ranks wrote to pipes.
+
+    Raises
+    ------
+    DependencyError
+        If there is no launcher.
+    subprocess.TimeoutExpired
+        After the timeout.
     """
     with start(ranks, program, environment=environment, preload=preload, **options) as process:
         stdout, stderr = process.communicate(timeout=timeout)

@@ -21,7 +21,7 @@ def die_with(parent: int, number: int) -> None:
         os.kill(os.getpid(), number)
 
 
-def become(
+def run_as_rank(
     parent: int,
     environment: Mapping[bytes, bytes],
     folder: str,
@@ -34,12 +34,16 @@ def become(
 
     Parameters
     ----------
-    parent
+    parent : int
         The process it was forked from.
-    environment, folder, descriptors
-        What the stub handed over; the last are standard input, output and error.
-    program
-        As `mp2a.launch.start` takes it.
+    environment : mapping of bytes to bytes
+        The environment that mpirun gave to the stub.
+    folder : str
+        The working directory of the stub.
+    descriptors : sequence of int
+        The stub's standard input, output and error.
+    program : sequence of str
+        The program, as `mp2a.launch.start` takes it.
     """
     status = 1
     try:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from mp2a.formation.constants import STOP_DISTANCE, STOP_SIDE
 from mp2a.se2 import compose
-from mp2a.simulator.vehicle import move
+from mp2a.simulator.vehicle import drive_arcs
 from mp2a.simulator.world import World, geometry, rectangles
 from mp2a.spatial import Array
 
@@ -74,7 +74,7 @@ class Contacts:
             at all where that would bring it in another's way. One that is only driven into goes on.
         """
         n = len(poses)
-        moved = move(poses, twists, dt)
+        moved = drive_arcs(poses, twists, dt)
         pairs = self.touching(moved)
         if not len(pairs):
             return Advance(moved, np.zeros(n, dtype=bool), pairs)
@@ -89,14 +89,14 @@ class Contacts:
         free, met = np.zeros(n), np.ones(n)
         for _ in range(_HALVINGS):
             middle = (free + met) / 2
-            tried = move(poses, twists, np.where(held, middle, 1.0) * dt)
+            tried = drive_arcs(poses, twists, np.where(held, middle, 1.0) * dt)
             hit = _robots(self.touching(tried), n)
             free, met = np.where(hit, free, middle), np.where(hit, middle, met)
         share = np.where(held, free, 1.0)
-        while (left := _robots(self.touching(move(poses, twists, share * dt)), n) & (share > 0)).any():
+        while (left := _robots(self.touching(drive_arcs(poses, twists, share * dt)), n) & (share > 0)).any():
             share[left] = 0.0
             held |= left
-        return Advance(move(poses, twists, share * dt), held, np.unique(pairs, axis=0))
+        return Advance(drive_arcs(poses, twists, share * dt), held, np.unique(pairs, axis=0))
 
     def _who_drove(self, poses: Array, moved: Array, pairs: Pairs) -> tuple[Pairs, NDArray[np.bool_]]:
         """Tell who of each pair drove into the other, who is put first; and who of all robots drove into anything.

@@ -83,7 +83,7 @@ def ranges(lidar: Lidar, poses: Array, lengths: Array, widths: Array, segments: 
     return found
 
 
-def points(lidar: Lidar, measured: Array) -> list[Array]:
+def scan_points(lidar: Lidar, measured: Array) -> list[Array]:
     """Turn ranges ``(n, rays)`` into points ``(k, 2)`` m in each robot's own frame; rays that see nothing have none."""
     seen = (measured >= lidar.nearest) & np.isfinite(measured)
     where = np.nonzero(seen)

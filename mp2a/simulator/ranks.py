@@ -22,11 +22,11 @@ _ROW = 11
 _REPLY = 4
 """Command, whether the robot is done, and whether something is wrong with it."""
 
-Run = Callable[[Controller], None]
+_Run = Callable[[Controller], None]
 """Run a simulation with a controller."""
 
 
-def simulate_over_ranks(comm: MPI.Intracomm, robot: SimulationDriver, run: Run | None) -> None:
+def simulate_over_ranks(comm: MPI.Intracomm, robot: SimulationDriver, run: _Run | None) -> None:
     """Let every rank drive one robot of a simulated world; collective.
 
     Parameters

@@ -12,9 +12,9 @@ from mp2a.exceptions import InputError
 from mp2a.formation.robot_models import RobotModel
 from mp2a.simulator.contacts import Contacts
 from mp2a.simulator.events import SOLID, EventKind, RobotEvent
-from mp2a.simulator.lidar import Lidar, points, ranges
+from mp2a.simulator.lidar import Lidar, ranges, scan_points
 from mp2a.simulator.observation import Observation
-from mp2a.simulator.vehicle import TurnSlip, move, respond
+from mp2a.simulator.vehicle import TurnSlip, drive_arcs, respond
 from mp2a.simulator.world import FARTHEST, World
 from mp2a.spatial import Array
 
@@ -235,7 +235,7 @@ class Simulation:
     def _poses_at(self, stamp: float) -> Array:
         """Poses at a time that may lie a fraction of a step back."""
         back = self.time - stamp
-        return self.poses.copy() if back <= _SLACK or self.time <= 0 else move(self.poses, self.twists, -back)
+        return self.poses.copy() if back <= _SLACK or self.time <= 0 else drive_arcs(self.poses, self.twists, -back)
 
     def _look(self, scan: _Scan) -> list[Array]:
         measured = ranges(self.lidar, scan.poses, self._lengths, self._widths, self.world.segments)
@@ -244,7 +244,7 @@ class Simulation:
             number = scan.number + int(np.ceil(self.lidar.delay / self.lidar.period - _SLACK))
             rng = np.random.default_rng((self._seed, number))
             measured = np.maximum(measured + self.lidar.noise * rng.standard_normal(measured.shape), 0.0)
-        return points(self.lidar, measured)
+        return scan_points(self.lidar, measured)
 
     def _refuse_overlap(self) -> None:
         pairs = self._contacts.touching(self.poses)

@@ -78,6 +78,6 @@ def respond(twists: Array, targets: Array, most: Array, dt: float) -> Response:
     return Response(((twists + end) / 2 * time + end * (dt - time)) / dt, end)
 
 
-def move(poses: Array, twists: Array, dt: float | Array) -> Array:
+def drive_arcs(poses: Array, twists: Array, dt: float | Array) -> Array:
     """Return the poses ``(n, 3)`` after arcs of constant twists ``(n, 2)`` for ``dt`` s, one for all or ``(n,)``."""
     return compose(poses, drive(twists, dt))
