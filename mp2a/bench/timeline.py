@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from mp2a.bench.machine import describe_machine
 from mp2a.bench.timing import barrier
 from mp2a.distributed import DistributedModel
 from mp2a.methods import METHODS
@@ -43,7 +44,12 @@ def trace_call(samples: int, seed: int, method: str) -> dict[str, Any] | None:
         return {
             "traceEvents": trace_events(formation.schedule, METHODS[formation.method].doubles, events, samples),
             "displayTimeUnit": "ns",
-            "mp2a": {"n": len(model), "samples": samples, "method": formation.method},
+            "mp2a": {
+                "n": len(model),
+                "samples": samples,
+                "method": formation.method,
+                "machine": describe_machine(),
+            },
         }
 
 

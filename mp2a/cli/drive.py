@@ -31,8 +31,8 @@ def add(commands: Any) -> None:
         "  mp2a drive dance.txt                                      ideal HUSKYs, prints commands\n"
         "  mp2a drive dance.txt --robots robots.toml --adapter simulator --record results/drive\n"
         "  mp2a drive dance.txt --robots robots.toml --recording results/drive  what would be sent on what was seen\n"
-        "  mpirun -n 4 mp2a drive dance.txt --robots robots.toml     a rank a robot, by the file's adapter\n"
-        "  mpirun -n 4 mp2a drive dance.txt --robots robots.toml --armed\n"
+        "  mp2a run -n 4 mp2a drive dance.txt --robots robots.toml     a rank a robot, by the file's adapter\n"
+        "  mp2a run -n 4 mp2a drive dance.txt --robots robots.toml --armed\n"
         "  mp2a drive dance.txt --robots robots.toml --role R1 --armed    on each robot, without MPI between them",
     )
     parser.add_argument("scenario", type=Path, metavar="SCENARIO", help="a choreography; see mp2a check")
