@@ -245,3 +245,10 @@ def test_a_file_that_holds_no_march_is_refused(tmp_path):
         load(tmp_path / "y.npz")
     with pytest.raises(OutputError, match=r"a\.json"):
         save(tmp_path / "a.json" / "x.npz", record, about)
+
+
+def test_robots_in_a_column_arrive_on_their_leaders_path_round_corners(tmp_path):
+    """Where they are to be is on the path, not where a stiff formation would have them."""
+    scenario = tmp_path / "column.txt"
+    scenario.write_text("robots R1 R2 R3 R4\ncolumn R1;R2;R3;R4 2 0\nmove 3 0\nmove 3 -60\nmove 3 60")
+    assert mp2a(scenario, "--out", tmp_path / "x", "--write", "npz").stdout.count(" yes ") == 4

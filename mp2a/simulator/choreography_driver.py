@@ -46,7 +46,7 @@ class ChoreographySimulationDriver(SimulationDriver):
         dance, mine = self.choreography, self.robots
         direction = np.sign(dance.state.raw_command[mine, 0]).astype(np.intp)
         return Ending(
-            dance.slot_poses()[mine],
+            dance.state.expected[-1, mine],  # on their lanes, which bend where the leader has turned
             dance.ended[mine],
             tuple(self._error(i) for i in mine),
             np.where(dance.blocked[mine], direction, 0),

@@ -17,7 +17,7 @@ class Ending(NamedTuple):
     """What the m robots of a process know of their own end."""
 
     places: Array
-    """``(m, 3)``: where they are to be, m and rad in the ground frame."""
+    """``(m, 2)``: where they are to be, m in the ground frame."""
     over: NDArray[np.bool_]
     """``(m,)``: whether their leader is through."""
     errors: tuple[str, ...]

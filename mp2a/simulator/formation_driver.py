@@ -60,7 +60,7 @@ class FormationSimulationDriver(SimulationDriver):
         state, path = self.march.state, self.march.path
         over = path is None or (state.ticks - state.departure) * self.march.tick >= path.duration
         errors = tuple("its LIDAR was silent" if failed else "" for failed in state.errors.failed)
-        return Ending(self._places(), np.full(len(self.robots), over), errors, self._stopped)
+        return Ending(self._places()[:, :2], np.full(len(self.robots), over), errors, self._stopped)
 
     @property
     def leader_paths(self) -> list[Array]:

@@ -36,7 +36,7 @@ def outcomes(simulation: Simulation, roles: Sequence[str], ending: Ending) -> li
         touched[event.robot][name(event.other)] = None
         if event.other is not None:
             touched[event.other][roles[event.robot]] = None
-    off = np.hypot(*(simulation.poses - ending.places)[:, :2].T)
+    off = np.hypot(*(simulation.poses[:, :2] - ending.places).T)
     out = []
     for i, role in enumerate(roles):
         blocked, direction = "", int(ending.blocked[i])
