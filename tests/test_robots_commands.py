@@ -13,7 +13,7 @@ from mp2a.exceptions import InputError
 from mp2a.formation.robot_models import HUSKY, ROBOTS
 from mp2a.robots import limits, robots_file, slip, sound
 from mp2a.robots.clock import RealTimeClock
-from mp2a.robots.cloud import points
+from mp2a.robots.cloud import read_cloud
 from mp2a.robots.robot_config import ROBOT_CONFIGS, RobotConfig
 from mp2a.simulator import PHYSICS_ENGINE_SLIP, Simulation, TurnSlip, World
 
@@ -215,28 +215,31 @@ def cloud_of(given, kind="<f4", height=1, pad=3, order="xyz", intensity=True):
 )
 def test_points_come_back_out_of_a_cloud(given, kind, order, height):
     given = given[: len(given) // height * height]
-    np.testing.assert_array_equal(points(cloud_of(given, kind, height, order=order)), given)
+    np.testing.assert_array_equal(read_cloud(cloud_of(given, kind, height, order=order)), given)
 
 
 def test_points_that_are_not_finite_are_left_out():
-    assert points(cloud_of([(1, 2, 3), (np.nan, 0, 0), (0, np.inf, 0), (4, 5, 6)])).tolist() == [[1, 2, 3], [4, 5, 6]]
-    assert points(cloud_of([(7, 8, 9)], "<i2")).tolist() == [[7, 8, 9]]
-    assert points(SimpleNamespace(height=1, width=0, data=b"", fields=[])).shape == (0, 3)
+    assert read_cloud(cloud_of([(1, 2, 3), (np.nan, 0, 0), (0, np.inf, 0), (4, 5, 6)])).tolist() == [
+        [1, 2, 3],
+        [4, 5, 6],
+    ]
+    assert read_cloud(cloud_of([(7, 8, 9)], "<i2")).tolist() == [[7, 8, 9]]
+    assert read_cloud(SimpleNamespace(height=1, width=0, data=b"", fields=[])).shape == (0, 3)
 
 
 def test_clouds_that_cannot_be_read_are_refused():
     cloud = cloud_of([(1, 2, 3)])
     cloud.fields = cloud.fields[1:]
     with pytest.raises(InputError, match="got fields y, z, intensity"):
-        points(cloud)
+        read_cloud(cloud)
     cloud = cloud_of([(1, 2, 3)])
     cloud.data = cloud.data[:8]
     with pytest.raises(InputError, match="got 8 bytes of data, expected at least"):
-        points(cloud)
+        read_cloud(cloud)
     cloud = cloud_of([(1, 2, 3)])
     cloud.fields[0].datatype = 9
     with pytest.raises(InputError, match="type 9"):
-        points(cloud)
+        read_cloud(cloud)
 
 
 # ---- table and files -------------------------------------------------------------------------------------------

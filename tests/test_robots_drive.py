@@ -23,7 +23,7 @@ from mp2a.formation.robot_models import HUSKY
 from mp2a.robots import drive_setup, dry, robots_file, sound
 from mp2a.robots.adapters import AdapterResult
 from mp2a.robots.clock import VirtualClock
-from mp2a.robots.driver import Driver, run
+from mp2a.robots.driver import Driver, run_drivers
 from mp2a.robots.dry import DryRobot
 from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.robots.planner import ChoreographyPlanner, origin_of
@@ -55,7 +55,7 @@ def simulated(scenario, world=None, slip=NO_SLIP):
 def steps_of(drivers, clock, longest=100):
     """Drive; returns whether all went well, and the steps by role, without the last one that stops the robot."""
     steps = {driver.role: [] for driver in drivers}
-    run(drivers, clock, longest, lambda driver, step: steps[driver.role].append(step))
+    run_drivers(drivers, clock, longest, lambda driver, step: steps[driver.role].append(step))
     last = [driven.pop() for driven in steps.values()]
     assert all(step.stands and not step.command.any() for step in last)
     return not status(driver.outcome() for driver in drivers), steps
@@ -64,7 +64,7 @@ def steps_of(drivers, clock, longest=100):
 def test_each_robot_alone_does_what_all_together_do():
     """Nobody needs to know the others: ideal robots drive as in one choreography that knows all."""
     found = robots_file.parse_robots('[robots.R1]\nmodel="husky"\n[robots.R2]\nmodel="husky"', TWO.robots)
-    setup = drive_setup.set_up(TWO, found, TWO.robots, None)
+    setup = drive_setup.set_up_drive(TWO, found, TWO.robots, None)
     good, steps = steps_of(setup.drivers, setup.clock)
     assert good
     together = ideal_run(Choreography(TWO, HUSKY))
@@ -204,7 +204,7 @@ def test_a_robot_is_closed_whatever_happens():
     robot = Broken(HUSKY, np.zeros(3))
     planner = ChoreographyPlanner(Choreography(AHEAD, HUSKY), "R1", False)
     with pytest.raises(RuntimeError, match="no"):
-        run([Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, False)], VirtualClock(0.05, [robot]), 30)
+        run_drivers([Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, False)], VirtualClock(0.05, [robot]), 30)
     assert robot.closed
 
 
@@ -298,6 +298,14 @@ def test_a_robot_that_is_blocked_short_of_its_place_has_not_arrived(tmp_path, ca
     assert float(row["time"]) < 30, "it gives up some seconds after its leader has come to the end"
 
 
+def test_robots_in_a_column_arrive_on_their_leaders_path_round_corners(tmp_path, capsys):
+    """Where they are to be is on the path, not where a stiff formation would have them."""
+    scenario = tmp_path / "column.txt"
+    scenario.write_text("robots R1 R2 R3 R4\ncolumn R1;R2;R3;R4 2 0\nmove 3 0\nmove 3 -60\nmove 3 60")
+    assert main(["drive", str(scenario), "--quiet"]) == 0
+    assert capsys.readouterr().out.count(" yes ") == 4
+
+
 def test_under_mpirun_all_ranks_tell_one_outcome(tmp_path):
     scenario = tmp_path / "row.txt"
     scenario.write_text("robots R1 R2\nrow R1,R2 0 4\nmove 6 0")
@@ -366,7 +374,7 @@ def test_a_scenario_that_is_not_there(capsys):
 def test_unequal_rates_need_real_time():
     found = robots_file.parse_robots('[robots.R1]\nmodel="husky"\nrate=25\n[robots.R2]\nmodel="husky"', TWO.robots)
     with pytest.raises(InputError, match="rate: got 20, 25 Hz, expected one for all"):
-        drive_setup.set_up(TWO, found, TWO.robots, None)
+        drive_setup.set_up_drive(TWO, found, TWO.robots, None)
 
 
 def test_a_wrong_number_of_ranks_ends_all():

@@ -16,7 +16,7 @@ from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY
 from mp2a.robots.adapters import EPOCH
 from mp2a.robots.clock import VirtualClock
-from mp2a.robots.driver import Driver, run
+from mp2a.robots.driver import Driver, run_drivers
 from mp2a.robots.dry import DryRobot
 from mp2a.robots.interface import NO_POSE
 from mp2a.robots.planner import ChoreographyPlanner
@@ -47,7 +47,7 @@ def drive(scenario, robots, clock, in_place, interface=ROBOT_CONFIGS["husky"], *
         for role, robot in zip(scenario.robots, robots, strict=True)
     ]
     steps = {role: [] for role in scenario.robots}
-    run(drivers, clock, 60, lambda driver, step: steps[driver.role].append(step))
+    run_drivers(drivers, clock, 60, lambda driver, step: steps[driver.role].append(step))
     return steps
 
 

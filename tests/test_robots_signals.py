@@ -13,8 +13,8 @@ from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY
 from mp2a.robots import robots_file, sound
 from mp2a.robots.clock import VirtualClock
-from mp2a.robots.cloud import content, points
-from mp2a.robots.driver import Driver, run
+from mp2a.robots.cloud import cloud_fields, read_cloud
+from mp2a.robots.driver import Driver, run_drivers
 from mp2a.robots.dry import DryRobot
 from mp2a.robots.planner import PATIENCE, ChoreographyPlanner
 from mp2a.robots.robot_config import ROBOT_CONFIGS
@@ -59,13 +59,13 @@ def told(config=ROBOT_CONFIGS["husky"]):
 
 
 def read(message):
-    return points(SimpleNamespace(**dict(zip(NAMES, message, strict=True))))
+    return read_cloud(SimpleNamespace(**dict(zip(NAMES, message, strict=True))))
 
 
 @given(POINTS)
 def test_a_cloud_that_is_written_reads_back(flat):
     spatial = np.column_stack((flat, np.ones(len(flat))))
-    assert read(content(spatial, None, field)).tolist() == spatial.tolist()
+    assert read(cloud_fields(spatial, None, field)).tolist() == spatial.tolist()
 
 
 @given(POINTS)
@@ -133,7 +133,7 @@ def drive(front=lambda _: False, rear=lambda _: False, scenario=AHEAD):
     planner = ChoreographyPlanner(Choreography(scenario, HUSKY), "R1", False)
     driver = Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, False)
     steps = []
-    run([driver], VirtualClock(0.05, [robot]), 60, lambda _, step: steps.append(step))
+    run_drivers([driver], VirtualClock(0.05, [robot]), 60, lambda _, step: steps.append(step))
     return driver.outcome(), robot, steps
 
 

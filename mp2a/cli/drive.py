@@ -94,8 +94,8 @@ def _drive_as(options: argparse.Namespace, comm: "MPI.Comm | None") -> int:
     from mp2a.cli.outcome import show
     from mp2a.formation.choreography.reading import parse
     from mp2a.formation.outcome import status
-    from mp2a.robots import drive_setup
-    from mp2a.robots.driver import run
+    from mp2a.robots.drive_setup import roles_of_this_process, set_up_drive
+    from mp2a.robots.driver import run_drivers
     from mp2a.robots.sender import WatchdogGoneError
 
     try:
@@ -104,13 +104,13 @@ def _drive_as(options: argparse.Namespace, comm: "MPI.Comm | None") -> int:
         raise InputError(f"SCENARIO: {options.scenario} cannot be read as text ({error})") from error
     scenario = parse(text)
     robots = _robots(options, scenario.robots)
-    roles = drive_setup.roles_of_this_process(scenario, robots.adapter, options.role, comm)
+    roles = roles_of_this_process(scenario, robots.adapter, options.role, comm)
     if options.armed and robots.adapter not in REAL:
         raise InputError(f"--armed: got adapter {robots.adapter}, expected one of {', '.join(REAL)}")
     recorder, lost = _recorder(options, robots, roles), ""
     printer = _Printer(robots, options.armed, options.quiet)
     try:
-        setup = drive_setup.set_up(scenario, robots, roles, comm, armed=options.armed, max_speed=options.max_speed)
+        setup = set_up_drive(scenario, robots, roles, comm, armed=options.armed, max_speed=options.max_speed)
 
         def tell(driver: Any, tick: Any) -> None:
             printer.tell(driver.role, tick)
@@ -122,7 +122,7 @@ def _drive_as(options: argparse.Namespace, comm: "MPI.Comm | None") -> int:
             return [driver.outcome(touched.get(driver.role, ()), error) for driver in setup.drivers]
 
         try:
-            run(setup.drivers, setup.clock, options.longest, tell)
+            run_drivers(setup.drivers, setup.clock, options.longest, tell)
         except WatchdogGoneError as error:
             show(outcomes(f"{error}"), printer.title(len(roles)))
             raise

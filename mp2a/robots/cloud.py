@@ -13,7 +13,7 @@ _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", _FLOAT32: "f4", 
 """PointField's constants as numpy types."""
 
 
-def points(cloud: Any) -> Array:
+def read_cloud(cloud: Any) -> Array:
     """Return the points ``(k, 3)`` of a cloud, m, in the cloud's frame; those that are not finite are left out.
 
     Raises
@@ -29,7 +29,7 @@ def points(cloud: Any) -> Array:
     return out[np.isfinite(out).all(axis=1)]
 
 
-def content(points: Array, header: Any, field: Callable[..., Any]) -> tuple[Any, ...]:
+def cloud_fields(points: Array, header: Any, field: Callable[..., Any]) -> tuple[Any, ...]:
     """Return the fields, in their order, of the cloud that holds some points.
 
     Parameters
@@ -49,8 +49,8 @@ def content(points: Array, header: Any, field: Callable[..., Any]) -> tuple[Any,
 def _column(cloud: Any, data: bytes, name: str) -> np.ndarray:
     field = next((field for field in cloud.fields if field.name == name), None)
     if field is None:
-        given = ", ".join(field.name for field in cloud.fields) or "none"
-        raise InputError(f"cloud: got fields {given}, expected x, y and z among them")
+        names = ", ".join(field.name for field in cloud.fields) or "none"
+        raise InputError(f"cloud: got fields {names}, expected x, y and z among them")
     if field.datatype not in _TYPES:
         raise InputError(f"cloud: got type {field.datatype} for field {name}, expected 1 to 8")
     kind = np.dtype((">" if cloud.is_bigendian else "<") + _TYPES[field.datatype])

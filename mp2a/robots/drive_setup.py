@@ -73,7 +73,7 @@ def roles_of_this_process(
     return roles
 
 
-def set_up(
+def set_up_drive(
     scenario: Scenario,
     robots: RobotsFile,
     roles: Sequence[str],

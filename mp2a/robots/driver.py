@@ -75,7 +75,7 @@ class Driver:
         error
             What ended the drive; empty if the planner's own state says enough.
         """
-        off = self._planner.place()[:2] - self._pose[:2]
+        off = self._planner.destination() - self._pose[:2]
         decision = self._decision
         return outcome(
             self.role, float(np.hypot(*off)), over=decision.over, error=error or decision.error,
@@ -124,7 +124,7 @@ class Driver:
             self.robot.warn(None)
 
 
-def run(
+def run_drivers(
     drivers: Sequence[Driver], clock: Clock, longest: float, tell: Callable[[Driver, DriveTick], None] | None = None
 ) -> None:
     """Drive until all are through; `Driver.outcome` then says how it ended.

@@ -24,10 +24,10 @@ def saturate(command: ArrayLike, most: ArrayLike) -> Array:
     ndarray
         ``(..., 2)``: the command times the greatest share of at most 1 that is within the limits.
     """
-    given, limit = np.asarray(command, float), np.asarray(most, float)
-    excess = np.max(np.abs(given) / limit, axis=-1, keepdims=True)
+    wanted, limit = np.asarray(command, float), np.asarray(most, float)
+    excess = np.max(np.abs(wanted) / limit, axis=-1, keepdims=True)
     # A product with a share below 1 may round up past the limit, hence the clip.
-    out: Array = np.clip(given / np.maximum(excess, 1.0), -limit, limit)
+    out: Array = np.clip(wanted / np.maximum(excess, 1.0), -limit, limit)
     return out
 
 

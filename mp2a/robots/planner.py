@@ -66,6 +66,11 @@ class ChoreographyPlanner:
         out: Array = self.dance.slot_poses()[self._own]
         return out
 
+    def destination(self) -> Array:
+        """Return the point ``(2,)`` m of the ground frame where the robot is to be at present, on its lane."""
+        out: Array = self.dance.state.expected[-1, self._own]
+        return out
+
     def leader(self) -> Array:
         """Return the point ``(2,)`` m whose path the robot follows: its virtual leader, moved into its lane."""
         out: Array = self.dance.state.leaders.points[self._own]
@@ -84,9 +89,11 @@ class ChoreographyPlanner:
         speed = state.raw_command[own, 0]
         held = bool((sensed.stop_front and speed > 0) or (sensed.stop_rear and speed < 0))
         blocked = "" if self._error else _BY_SIGNAL if held else self._in_the_way(speed)
-        self._held_since = min(self._held_since, t) if blocked else np.inf
         over = bool(dance.ended[own])
-        stays = bool(self._error) or t - self._held_since >= PATIENCE or (not blocked and bool(dance.settled[own]))
+        if over and blocked:  # it may get free for a moment, and be held again
+            self._held_since = min(self._held_since, t)
+        waited = t - self._held_since >= PATIENCE
+        stays = bool(self._error) or (waited if blocked else bool(dance.settled[own]))
         command = commands[own] * (not held, 1.0)
         return Decision(command, blocked, bool(dance.turn_held[own]), self._error, over, over and stays)
 

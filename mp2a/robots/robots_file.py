@@ -1,20 +1,15 @@
 """Robots files: TOML that says which robot plays which role, and what is different about it."""
 
 import dataclasses
-import sys
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from mp2a.dependencies import parse_toml
 from mp2a.exceptions import InputError
 from mp2a.formation.robot_models import RobotModel
 from mp2a.robots.adapters import ADAPTERS
 from mp2a.robots.robot_config import ROBOT_CONFIGS, RobotConfig
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 ORIGINS = ("in-place", "fixed-frame")
 _MODEL_FIELDS = {field.name: field.type for field in dataclasses.fields(RobotModel) if field.name != "name"}
@@ -83,10 +78,7 @@ def read_robots(path: str | Path, roles: Sequence[str]) -> RobotsFile:
 
 def parse_robots(text: str, roles: Sequence[str], where: str = "robots") -> RobotsFile:
     """Read robots from the text of a robots file; ``where`` is what errors call it."""
-    try:
-        tables = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{where}: cannot be read as TOML ({error})") from error
+    tables = parse_toml(text, where)
     robots = tables.pop("robots", {})
     if not isinstance(robots, dict) or not all(isinstance(entry, dict) for entry in robots.values()):
         raise InputError(f"{where}: robots: got {robots!r}, expected a table [robots.ROLE] for each role")

@@ -94,7 +94,7 @@ class RosRobot:
             stop(bool(holds[0]))
         near = points[(np.abs(points) < WINDOW / 2).all(axis=1)]
         header = self._node.header(self._config.body_frame)
-        self._obstacles(*cloud.content(np.column_stack((near, np.zeros(len(near)))), header, self._field))
+        self._obstacles(*cloud.cloud_fields(np.column_stack((near, np.zeros(len(near)))), header, self._field))
 
     def close(self) -> None:
         """Stop the robot through the watchdog; take its stop signals back."""

@@ -69,14 +69,11 @@ class TopicState:
         if config.pose == "stamped":
             stamped = self.newest("pose_topic", config.pose_age)
             return NO_POSE if stamped is None else _planar(stamped.pose)
-        odometry = self.newest("odometry_topic", config.pose_age)
-        measured = NO_POSE if odometry is None else _planar(odometry.pose.pose)
         if config.pose == "odometry":
-            return measured
+            odometry = self.newest("odometry_topic", config.pose_age)
+            return NO_POSE if odometry is None else _planar(odometry.pose.pose)
         body = self.transforms.look_up(config.fixed_frame, config.body_frame)
-        # Odometry of ours says at once that the pose was lost; a transform that is no more sent does not.
-        lost = odometry is not None and math.isnan(measured[0])
-        return NO_POSE if body is None or body.age > config.pose_age or lost else body.pose
+        return NO_POSE if body is None or body.age > config.pose_age else body.pose
 
     def twist(self) -> Array:
         """Return the measured twist ``(2,)``, m/s and rad/s; not a number if it is too old, or missing."""
@@ -91,7 +88,7 @@ class TopicState:
         _, message = self._newest.pop("points_topic", (0.0, None))
         if message is None:
             return None
-        points, frame = cloud.points(message), message.header.frame_id
+        points, frame = cloud.read_cloud(message), message.header.frame_id
         sensor = self.transforms.look_up(self._config.body_frame, frame)
         if sensor is None or sensor.age > _MOUNT_AGE:
             self.unplaced = frame

@@ -35,7 +35,7 @@ _ZERO_FOR = 0.5
 _PIPE = 4096
 
 
-class Heard(NamedTuple):
+class PlannerInput(NamedTuple):
     """What has come from the planner."""
 
     command: tuple[float, float] | None
@@ -73,29 +73,29 @@ def main() -> int:
 
 def _relay(publisher: CommandPublisher, settings: Settings, signalled: list[int]) -> int:
     period, patience = 1.0 / settings["rate"], settings["patience"]
-    heard = Heard(None, 0.0, b"", None)
+    received = PlannerInput(None, 0.0, b"", None)
     try:
         launcher = open_launcher(settings["launcher"])
     except ProcessLookupError:
         return LAUNCHER_GONE
     due = time.monotonic()
     while True:
-        heard = _listen(heard, max(0.0, due - time.monotonic()), launcher)
+        received = _listen(received, max(0.0, due - time.monotonic()), launcher)
         now = time.monotonic()
         if signalled:
             return SIGNALLED
-        if heard.ended is not None:
-            return heard.ended
-        if heard.command is not None and now - heard.at > patience:
+        if received.ended is not None:
+            return received.ended
+        if received.command is not None and now - received.at > patience:
             return STALLED
         if now < due:
             continue
         due += period * max(1, math.ceil((now - due) / period))
-        if heard.command is not None and not publisher.human():
-            publisher.send(*_within(heard.command, settings))
+        if received.command is not None and not publisher.human():
+            publisher.send(*_within(received.command, settings))
 
 
-def _listen(before: Heard, longest: float, launcher: int | None) -> Heard:
+def _listen(before: PlannerInput, longest: float, launcher: int | None) -> PlannerInput:
     """Wait for commands for at most ``longest`` s, and take the newest."""
     readable, _, _ = select.select([0] if launcher is None else [0, launcher], [], [], longest)
     if launcher in readable:
@@ -112,7 +112,7 @@ def _listen(before: Heard, longest: float, launcher: int | None) -> Heard:
     command = COMMAND.unpack(data[whole - COMMAND.size : whole])
     if not all(map(math.isfinite, command)):
         return before._replace(ended=ENDED)
-    return Heard(command, time.monotonic(), data[whole:], None)
+    return PlannerInput(command, time.monotonic(), data[whole:], None)
 
 
 def _within(command: tuple[float, float], settings: Settings) -> tuple[float, float]:

@@ -1,6 +1,5 @@
 """World files: TOML with a table for each wall and obstacle."""
 
-import sys
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mp2a.dependencies import parse_toml
 from mp2a.exceptions import InputError
 from mp2a.file_kinds import kind_of_file
 from mp2a.simulator.world import FARTHEST, World, box, disc
@@ -64,15 +64,7 @@ def read_world(path: str | Path) -> World:
 
 def parse_world(text: str, where: str = "world") -> World:
     """Read a world from the text of a world file; ``where`` is what errors call it."""
-    if sys.version_info >= (3, 11):
-        import tomllib
-    else:
-        import tomli as tomllib
-
-    try:
-        tables = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{where}: cannot be read as TOML ({error})") from error
+    tables = parse_toml(text, where)
     name = tables.pop("name", Path(where).stem)
     if not isinstance(name, str):
         raise InputError(f"{where}: name: got {name!r}, expected a text")

@@ -21,7 +21,7 @@ from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY
 from mp2a.robots import sound
-from mp2a.robots.cloud import points
+from mp2a.robots.cloud import read_cloud
 
 pytestmark = pytest.mark.ros
 ROOT = Path(__file__).parents[2]
@@ -207,14 +207,14 @@ def check_obstacles(heard, track, wall):
     """Points of the clouds are where the wall is: of that which was seen while the robot turned least, 0.3 s before."""
     clouds = [(t, m) for t, m in heard if m.width > 10]
     assert {m.header.frame_id for _, m in clouds} == {"R1/base_link"}
-    assert all((np.abs(points(m)) < 2).all() for _, m in clouds)
+    assert all((np.abs(read_cloud(m)) < 2).all() for _, m in clouds)
 
     def while_seen(t):
         return track[(track[:, 0] > t - 0.5) & (track[:, 0] < t - 0.1)]
 
     t, cloud = min(clouds, key=lambda one: np.abs(while_seen(one[0])[:, 5]).max())
     x, _, heading = while_seen(t)[:, 1:4].mean(axis=0)
-    seen = points(cloud)
+    seen = read_cloud(cloud)
     found = x + np.cos(heading) * seen[:, 0] - np.sin(heading) * seen[:, 1]
     print(f"the wall at {wall} m is seen at {found.min():.2f} to {found.max():.2f} m")
     np.testing.assert_allclose(found, wall, atol=0.15)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from test_ros2 import OURS
 
-from mp2a.robots.cloud import content, points
+from mp2a.robots.cloud import cloud_fields, read_cloud
 from mp2a.robots.topics import BOOL, CLOUD
 
 pytestmark = pytest.mark.ros
@@ -53,7 +53,7 @@ def test_a_robot_tells_its_stop_signals_and_hears_those_of_others(monkeypatch):
         heard = {"front": None, "rear": None, "cloud": None}
         while time.monotonic() < deadline:
             spatial = np.column_stack((flat, np.ones(len(flat))))  # not on the floor
-            scan(*content(spatial, node.header("R1/base_link"), field))
+            scan(*cloud_fields(spatial, node.header("R1/base_link"), field))
             stop(rear)
             sensed = json.loads(robot.stdout.readline())
             for name, take in (("front", fronts), ("rear", rears), ("cloud", clouds)):
@@ -67,7 +67,7 @@ def test_a_robot_tells_its_stop_signals_and_hears_those_of_others(monkeypatch):
         heard = until(lambda s, h: s == [False, True, 2] and h["front"] and h["front"].data, NEAR, True)
         assert heard["rear"].data is False  # its own signal, not the one it hears
         assert heard["cloud"].header.frame_id == "R1/base_link"
-        np.testing.assert_allclose(points(heard["cloud"])[:, :2], NEAR, atol=1e-6)
+        np.testing.assert_allclose(read_cloud(heard["cloud"])[:, :2], NEAR, atol=1e-6)
         until(lambda s, h: s == [False, False, 1] and h["front"] and not h["front"].data, FAR, False)
     finally:
         robot.kill()

@@ -135,7 +135,7 @@ class BagWriter:
     def _cloud(self, header: Any, points: Array) -> Any:
         """Return points in the body's frame; their height, which nobody knows any more, is one that is in the way."""
         placed = np.column_stack((points, np.full(len(points), (LOWEST + HIGHEST) / 2)))
-        fields = list(cloud.content(placed, header, lambda *field: self._new("sensor_msgs/PointField", *field)))
+        fields = list(cloud.cloud_fields(placed, header, lambda *field: self._new("sensor_msgs/PointField", *field)))
         fields[7] = np.frombuffer(fields[7], dtype=np.uint8)
         return self._new("sensor_msgs/PointCloud2", *fields)
 

@@ -1,5 +1,6 @@
 """A robot out of a recording: it gives what was recorded and drives nowhere, whatever it is told."""
 
+import math
 from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 from mp2a.exceptions import InputError
 from mp2a.robots.adapters import AdapterConfig, AdapterResult
 from mp2a.robots.clock import VirtualClock
-from mp2a.robots.interface import Sensed
+from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.robots.records.bag_reader import BagMessage, BagReader, bag_of
 from mp2a.robots.robot_config import RobotConfig
 from mp2a.robots.ticks import EVENTS
@@ -152,7 +153,7 @@ class RecordedRobot:
         while self._ahead:
             start = max(start, self._ahead[0].stamp) if begin is None else start
             self._take_until(start)
-            known = {"pose": self.state.pose(), "odometry": self.state.twist()}
+            known = {"pose": self._pose(), "odometry": self.state.twist()}
             missing = [what for what, value in known.items() if not np.isfinite(value).all()]
             if not missing:
                 return start
@@ -218,7 +219,13 @@ class RecordedRobot:
             raise InputError(f"recording: {self.path}: points at {stamp} ns: {error}") from None
         if sensed.points is not None:
             self._seen = sensed.points
-        return sensed._replace(human=self._human or sensed.human)
+        return sensed._replace(pose=self._pose(), human=self._human or sensed.human)
+
+    def _pose(self) -> Array:
+        """Return the pose; odometry of ours says at once that it was lost, transforms that end do not."""
+        odometry = self.state.newest("odometry_topic", self.config.pose_age)
+        lost = odometry is not None and math.isnan(odometry.pose.pose.position.x)
+        return NO_POSE if lost else self.state.pose()
 
 
 def difference_report(robot: RecordedRobot, good: bool) -> list[str]:

@@ -87,7 +87,7 @@ def prepare(config: RecordConfig) -> None:
                 raise InputError(f"--record: {path} is there already, expected a folder without a record of {role}")
 
 
-def write(config: RecordConfig, source: BinaryIO) -> None:
+def write_records(config: RecordConfig, source: BinaryIO) -> None:
     """Write what comes until the end of input."""
     files: dict[str, RobotFiles] = {}
     # A planner that is killed while it writes leaves a piece of a tick.
@@ -111,7 +111,7 @@ def main() -> int:
         prepare(config)
         sys.stdout.write(READY)
         sys.stdout.flush()
-        write(config, source)
+        write_records(config, source)
     except (OSError, sqlite3.Error) as error:  # a full disk, for instance
         sys.stdout.write(f"OutputError: {_reason(config, error)}\n")
         return 1
