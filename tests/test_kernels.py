@@ -370,7 +370,7 @@ def test_rounds_call_mpi_and_give_up_for_a_while(tmp_path):
             (number["start"], 5, 0, 0, 0, 0),
             (number["await"], 6, 0, 0, 0, 0),
             (number["compose"], 2, *(array.ctypes.data for array in (composed, x, y)), 0),
-            (number["add"], 48, total.ctypes.data, composed.ctypes.data, 0, 0),
+            (number["add"], 48, *(array.ctypes.data for array in (total, total, composed)), 0),
             (number["start"], 77, 0, 0, 0, 0),
         ]
     )
