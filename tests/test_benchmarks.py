@@ -108,7 +108,7 @@ def test_latency(tmp_path):
     printed, written = run(
         "latency.py", tmp_path / "latency.json", "--ranks", "2", "--latencies", "1", "--seconds", "1"
     )
-    assert tables(printed)[2][:2] == ["1 ms", "2"]
+    assert tables(printed)[2][:3] == ["1 ms", "54", "2"]
     assert [run["emulated"] for run in written["runs"]] == [[1e-3, 54e6]]
 
 

@@ -278,7 +278,7 @@ def test_a_planner_loads_its_adapter_alone():
     recorded = "mp2a.robots.records.recorded"
     everything = {"rosbags", "shapely", "cyclonedds", "rospy", recorded, "mp2a.simulator.simulation"}
     assert not loaded_by("import mp2a.robots.drive_setup, mp2a.robots.records.recorder") & everything
-    assert loaded_by("import mp2a.robots.simulated") & everything == {"shapely", "mp2a.simulator.simulation"}
+    assert loaded_by("import mp2a.robots.simulated") & everything == {"mp2a.simulator.simulation"}
     assert loaded_by("import mp2a.robots.records.recorded") & everything == {recorded}
     assert not loaded_by("import mp2a.robots.dry, mp2a.robots.ros_robot") & everything
 

@@ -302,7 +302,7 @@ def legends(figure: Figure, groups: Sequence[tuple[str, Sequence[Artist]]], note
 
 def _side_by_side(figure: Figure, groups: Sequence[tuple[str, list[Artist]]]) -> list[Legend]:
     """Make the groups with as few rows as fit side by side, or each in one column where that is too wide as well."""
-    longest = max(len(handles) for _, handles in groups)
+    longest = max((len(handles) for _, handles in groups), default=0)
     for rows in range(min(4, longest), longest + 1):
         drawn = [_group(figure, title, handles, -(-len(handles) // rows)) for title, handles in groups]
         widths = sum(_size(figure, group)[0] for group in drawn)

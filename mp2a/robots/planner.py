@@ -31,6 +31,8 @@ class Decision(NamedTuple):
 
 PATIENCE = 10.0
 """s that a robot at whose end something is in the way waits for it to go away; ours."""
+_ROUNDING = 1e-9
+"""s: ticks that are played back are as far apart as they were, to rounding."""
 _BY_SIGNAL = "another program's stop signal"
 
 
@@ -92,7 +94,7 @@ class ChoreographyPlanner:
         over = bool(dance.ended[own])
         if over and blocked:  # it may get free for a moment, and be held again
             self._held_since = min(self._held_since, t)
-        waited = t - self._held_since >= PATIENCE
+        waited = t - self._held_since > PATIENCE - _ROUNDING
         stays = bool(self._error) or (waited if blocked else bool(dance.settled[own]))
         command = commands[own] * (not held, 1.0)
         return Decision(command, blocked, bool(dance.turn_held[own]), self._error, over, over and stays)

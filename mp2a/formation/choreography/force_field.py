@@ -15,6 +15,8 @@ from mp2a.formation.constants import CELL, CELL_FORCE, FORCE_GAIN, STOP_SIDE, WI
 from mp2a.spatial import Array
 
 _SIDE = round(WINDOW / CELL)
+_ROUNDING = 1e-9
+"""Cells: walls often stand on the edge of one, and which one they are in is not a matter of rounding."""
 
 
 def forces(points: Array, robot: NDArray[np.intp], widths: Array) -> Array:
@@ -38,7 +40,7 @@ def forces(points: Array, robot: NDArray[np.intp], widths: Array) -> Array:
     with np.errstate(invalid="ignore"):
         inside = (np.abs(points) < WINDOW / 2).all(axis=1)
     points, robot, n = points[inside], robot[inside], len(widths)
-    cell = np.floor((points + WINDOW / 2) / CELL).astype(np.intp).clip(0, _SIDE - 1)
+    cell = np.floor((points + WINDOW / 2) / CELL + _ROUNDING).astype(np.intp).clip(0, _SIDE - 1)
     occupied = np.zeros((n, _SIDE, _SIDE))
     occupied[robot, cell[:, 0], cell[:, 1]] = 1.0
     halves = zip(np.split(occupied, 2, axis=2), np.split(_field(), 2, axis=1), strict=True)
