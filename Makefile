@@ -52,7 +52,7 @@ mpi: .venv-mpich/.installed .venv-debian-mpi/.installed
 over = if which $(2) > /dev/null; then \
     $(1)/bin/python -c "from mp2a.mpi import MPI; print('==', MPI.Get_library_version().splitlines()[0])" && \
     $(1)/bin/python -m pytest $(MPI_TESTS) && \
-    $(1)/bin/python -m mp2a bench --ranks 2 --samples 50 --seconds 1 --out $(1)/bench.json; \
+    rm -f $(1)/bench.json && $(1)/bin/python -m mp2a bench --ranks 2 --samples 50 --seconds 1 --out $(1)/bench.json; \
     else echo "SKIPPED: $(1) has no MPI"; fi
 
 test-mpi: mpi
