@@ -16,7 +16,7 @@ def describe_machine() -> dict[str, Any]:
     return {
         "host": platform.node(),
         "processor": processor_name(),
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "cores": os.cpu_count(),
         "memory_gb": round(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9, 1),
         "load": os.getloadavg()[0],
         "system": platform.platform(),
