@@ -5,8 +5,7 @@
 The rounds are those of each method between two robots, many of them in a row, with everything a round does: messages,
 joining, moving. Beside them, in the same run and interleaved:
 
-- interpreted: the same rounds step by step in Python, as they go in traces, over emulated networks, with hundreds of
-  samples and without compiled kernels;
+- interpreted: the same with the messages of each round by Python, as in traces and over emulated networks;
 - bare messages: an exchange of the same sizes, by mpi4py's calls for new requests and for persistent ones;
 - arithmetic: what was recorded of the rounds, without the messages.
 """
@@ -71,37 +70,36 @@ def ours(name: str, after: ExitStack) -> dict[str, Run]:
     from mp2a.methods import METHODS
     from mp2a.methods.block import Block
     from mp2a.mpi import MPI
-    from mp2a.program.rank import RankProgram
+    from mp2a.program.rank import Given, RankProgram
     from mp2a.schedule import Round, Schedule
     from mp2a.transport.link import MPILink
-    from mp2a.validation import check_state
+    from mp2a.transport.mpi import MPITransport
+    from mp2a.transport.trace import TraceTransport
 
     comm, method, model = MPI.COMM_WORLD, METHODS[name], Model.random(2)
     rank = comm.Get_rank()
-    block = Block(model.body(rank), rank, rank == 0, np.zeros(3))
-    state = check_state(block.bodies, *model.random_state(body=rank), None)
+    block = Block(model.body(rank), rank, rank == 0, np.zeros(3), axis=False)
+    state = model.random_state(1, body=rank)
     once = method.schedule(2)
     times = range(ROUNDS // len(once.rounds))
     many = Schedule(2, tuple(Round(r.recurrence, k, r.transfers) for r in once.rounds for k in times))
     recorded = block.record(method, many)
 
     def through(program: RankProgram) -> Run:
-        inputs = block.inputs(state, program.inputs)
-
         def run() -> None:
-            program.run(inputs, 1, 2)
+            program.run(state, lambda *arrays: Given(arrays, 1, False, lambda: None))
 
         after.callback(program.close)
         run()
         return run
 
-    fast = RankProgram(recorded, MPILink(comm))
-    timed = {"ours": through(fast), "interpreted": through(RankProgram(recorded, MPILink(comm), trace=True))}
+    transport = MPITransport(MPILink(comm))
+    fast, slow = (RankProgram(name, recorded, transport, trace) for trace in (None, TraceTransport(transport)))
+    timed = {"ours": through(fast), "interpreted": through(slow)}
     if kernels.rounds() is None:
         return timed
     assert fast.compiled is not None
-    alone = [fast.compiled.arithmetic(name) for name in dict.fromkeys(r.recurrence for r in once.rounds)]
-    return timed | {"arithmetic": lambda: [run() for run in alone]}
+    return timed | {"arithmetic": fast.compiled.arithmetic()}
 
 
 def bare(name: str, how: str, after: ExitStack) -> Run:

@@ -20,13 +20,15 @@ from mp2a.methods.values import record_broadcast, record_to_children
 from mp2a.model import Model
 from mp2a.mpi import MPI
 from mp2a.network import EmulatedNetwork
-from mp2a.program.calls import Call, Calls, Prepared
+from mp2a.program.calls import Call, Calls, Key
 from mp2a.program.operations import NOTHING
-from mp2a.program.rank import RankProgram
+from mp2a.program.rank import Given, RankProgram
 from mp2a.results import InverseDynamics, Placement
 from mp2a.schedule import Schedule
 from mp2a.spatial import Array
-from mp2a.validation import JointState, check_state
+from mp2a.transport.mpi import MPITransport
+from mp2a.transport.trace import TraceTransport
+from mp2a.validation import JointState, check_shapes, check_values
 
 if TYPE_CHECKING:
     import pinocchio
@@ -134,11 +136,10 @@ class DistributedModel:
             slice(int(starts[self.bodies.start]), int(starts[self.bodies.stop]))
             for starts in (whole.q_starts, whole.v_starts)
         )
-        self._block = Block(self.part, rank, bool(self._nodes[rank] < 0), field)
-        self._traced = trace
+        self._block = Block(self.part, rank, bool(self._nodes[rank] < 0), field, axis=self._blocks)
+        self.transport = MPITransport(link)
+        self.trace = TraceTransport(self.transport) if trace else None
         self._calls = Calls(self._comm, self._program)
-        program = self._calls.program("rnea")
-        self.transport, self.trace = program.transport, program.trace
 
     # ---- calls -------------------------------------------------------------------------------------------------
 
@@ -186,22 +187,15 @@ class DistributedModel:
         InputError
             On every rank, if an argument of any rank is wrong or the numbers of samples differ.
         """
-
-        def prepare(program: RankProgram) -> Prepared:
-            return self._prepare(program, q, v, a, external_forces)
-
-        state, scan = self._calls.run("rnea", prepare, flag=bodies, known=self._serial)
+        forces = external_forces is not None
+        arguments = (q, v, a, external_forces) if forces else (q, v, a)
+        found = self._calls.run(("rnea", forces, bodies), arguments, self._read, known=self._serial)
         if not bodies:
-            torque = self._block.torque(scan)
-            return torque[0] if state.single else torque
-        body, torque = self._block.results(scan)
-        if scan["path"] is None:
-            placement = self.placement(q)
-        else:
-            placement = Placement(*(self._own(x, state) for x in self._block.placements(scan["path"])))
-        velocity, acceleration, force = (self._own(x, state) for x in body)
-        torque = torque[0] if state.single else torque
-        return InverseDynamics(velocity, acceleration, force, torque, placement)
+            torque: Array = found["torque"]
+            return torque
+        placed = "rotation" in found
+        placement = Placement(found.pop("rotation"), found.pop("translation")) if placed else self.placement(q)
+        return InverseDynamics(**found, placement=placement)
 
     def placement(self, q: ArrayLike) -> Placement:
         """Where this rank's bodies are, by the rounds of motion alone; collective.
@@ -222,13 +216,7 @@ class DistributedModel:
         InputError
             On every rank, if ``q`` of any rank is wrong or the numbers of samples differ.
         """
-
-        def prepare(program: RankProgram) -> Prepared:
-            still = np.zeros((*numbers("q", q).shape[:-1], self.part.nv))
-            return self._prepare(program, q, still, still, None)
-
-        state, found = self._calls.run("placement", prepare)
-        return Placement(*(self._own(x, state) for x in self._block.placements(found["path"])))
+        return Placement(**self._calls.run(("placement",), (q,), self._read_q))
 
     def broadcast(self, values: ArrayLike) -> Array:
         """Tell every robot what the first one of the chain knows, in ⌈log2 n⌉ rounds and n - 1 messages; collective.
@@ -249,8 +237,8 @@ class DistributedModel:
         InputError
             On every rank, if ``values`` of any rank is not a row of finite numbers, or their numbers differ.
         """
-        _, found = self._calls.run("broadcast", lambda _: _prepare_values(array("values", values, (None,))[None]))
-        return found["values"].reshape(-1)
+        told: Array = self._calls.run(("broadcast",), (values,), self._read_values)["values"]
+        return told
 
     def send_to_children(self, values: ArrayLike) -> Array:
         """Hand some numbers to the bodies that hang on this rank's, and return those of the parent; collective.
@@ -270,16 +258,11 @@ class DistributedModel:
         InputError
             On every rank, if ``values`` of any rank are not finite numbers of this shape, or differ in length.
         """
-
-        def prepare(_: RankProgram) -> Prepared:
-            rows = array("values", values, (len(self.part), None) if self._blocks else (None,))
-            return _prepare_values(rows if self._blocks else rows[None])
-
-        rows, found = self._calls.run("send_to_children", prepare)
-        came = found["values"]
-        first = np.zeros_like(rows[:1]) if came is NOTHING else came.reshape(1, -1)
-        own = np.concatenate((first, rows[:-1]))
-        return own if self._blocks else own[0]
+        read = self._read_rows if self._blocks else self._read_values
+        came = self._calls.run(("send_to_children",), (values,), read)["values"]
+        own = np.asarray(values, dtype=np.float64)
+        first: Array = np.zeros(own.shape[-1]) if came is NOTHING else came
+        return np.concatenate((first[None], own[:-1])) if self._blocks else first
 
     @contextmanager
     def together(self, call: Call) -> Iterator[Call]:
@@ -298,7 +281,7 @@ class DistributedModel:
             with robots.together(robots.rnea) as rnea:
                 torque = rnea(*read_sensors())
         """
-        with self._calls.together(call, call.__name__) as once:
+        with self._calls.together(call, self._key(call.__name__)) as once:
             yield once
 
     def close(self) -> None:
@@ -315,28 +298,55 @@ class DistributedModel:
 
     # ---- parts of a call ---------------------------------------------------------------------------------------
 
-    def _program(self, name: str) -> RankProgram:
+    def _key(self, name: str) -> Key:
+        """Return what programs of a call have in common with a rank that has nothing to say."""
+        return ("rnea", False, False) if name == "rnea" else (name,)
+
+    def _program(self, name: str, *variant: bool) -> RankProgram:
         """Record the program of a call."""
-        nodes, rank = self._nodes, self._rank
+        nodes, rank, transport = self._nodes, self._rank, MPITransport(self._link)
         match name:
             case "rnea":
-                recorded = self._block.record(METHODS[self.method], self.schedule)
+                forces, bodies = variant
+                recorded = self._block.record(METHODS[self.method], self.schedule, forces=forces, bodies=bodies)
+                return RankProgram(name, recorded, self.transport, self.trace, flag=bodies)
             case "placement":
-                recorded = self._block.record_motion(self._shifted(schedules.motion(nodes)))
+                recorded = self._block.record_placement(self._shifted(schedules.motion(nodes)))
             case "broadcast":
                 recorded = record_broadcast(schedules.broadcast(nodes), rank, first=bool(nodes[rank] < 0))
             case _:
                 recorded = record_to_children(schedules.parent_to_child(nodes), rank)
-        return RankProgram(recorded, self._link, trace=self._traced and name == "rnea")
+        return RankProgram(name, recorded, transport)
 
     def _shifted(self, schedule: Schedule) -> Schedule:
         return schedules.shifted(schedule) if self._blocks else schedule
 
-    def _prepare(
-        self, program: RankProgram, q: ArrayLike, v: ArrayLike, a: ArrayLike, external: ArrayLike | None
-    ) -> Prepared:
-        state = check_state(self.part, q, v, a, self._own_force(external))
-        return Prepared(self._block.inputs(state, program.inputs), state.samples, state)
+    def _read(self, q: ArrayLike, v: ArrayLike, a: ArrayLike, external: ArrayLike | None = None) -> Given:
+        """Make arrays of the arguments of `rnea`, after a look at their shapes."""
+        state = check_shapes(self.part, q, v, a, self._own_force(external))
+        arrays = [state.q, state.v, state.a]
+        if state.external is not None:
+            forces = np.broadcast_to(state.external, (len(self.part), state.samples, 6))
+            arrays.append(forces.swapaxes(0, 1) if self._blocks else forces[0])
+        return self._given(arrays, state)
+
+    def _read_q(self, q: ArrayLike) -> Given:
+        """Make an array of the argument of `placement`."""
+        still = np.zeros((*numbers("q", q).shape[:-1], self.part.nv))
+        state = check_shapes(self.part, q, still, still, None)
+        return self._given([state.q], state)
+
+    def _given(self, arrays: Sequence[Array], state: JointState) -> Given:
+        ready = [np.ascontiguousarray(array) for array in arrays]
+        return Given(ready, state.samples, state.single, lambda: check_values(self.part, state))
+
+    def _read_values(self, values: ArrayLike) -> Given:
+        """Make an array of numbers that are handed on."""
+        return _numbers(array("values", values, (None,)))
+
+    def _read_rows(self, values: ArrayLike) -> Given:
+        """Make an array of those of the last body."""
+        return _numbers(array("values", values, (len(self.part), None))[-1])
 
     def _own_force(self, external: ArrayLike | None) -> Array | None:
         """Give forces on this rank's bodies the shape of those of a model."""
@@ -349,15 +359,8 @@ class DistributedModel:
             raise InputError(f"external_forces: got shape {force.shape}, expected {wanted} or {many}")
         return force if self._blocks else force[..., None, :]
 
-    def _own(self, array: Array, state: JointState) -> Array:
-        """Results ``(m, T, …)`` in the shape of the input."""
-        if not self._blocks:
-            return array[0, 0] if state.single else array[0]
-        return array[:, 0] if state.single else np.swapaxes(array, 0, 1)
 
-
-def _prepare_values(rows: Array) -> Prepared:
-    """Input of programs that hand values on: those of the last body."""
-    if not rows.size:
+def _numbers(values: Array) -> Given:
+    if not values.size:
         raise InputError("values: got none, expected at least one number")
-    return Prepared({"values": rows[-1].reshape(1, -1, 1)}, rows.shape[1], rows)
+    return Given([values], len(values), False, lambda: None)

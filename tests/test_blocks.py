@@ -13,7 +13,7 @@ from mp2a.joint_kinematics import BaseMotion
 from mp2a.methods import block
 from mp2a.serial import reduce_block, reduce_block_numpy, rnea, rnea_numpy
 from mp2a.spatial import classical_to_spatial, spatial_to_classical
-from mp2a.validation import check_state
+from mp2a.validation import JointState, check_state
 
 sizes = st.integers(1, 9)
 samples = st.integers(1, 10)
@@ -53,13 +53,20 @@ def test_the_block_end_is_at_the_end_of_the_path_to_it(m, samples, seed):
         assert relative_error(spatial_to_classical(end[:, 18:], end[:, 12:18]), last[:, 6:12]) < 1e-12
 
 
+def part(model, state, bodies):
+    """State of consecutive bodies."""
+    q, v = (slice(starts[bodies.start], starts[bodies.stop]) for starts in (model.q_starts, model.v_starts))
+    external = None if state.external is None else state.external[bodies.start : bodies.stop]
+    return JointState(state.q[:, q], state.v[:, v], state.a[:, v], external, state.single)
+
+
 @given(m=st.integers(2, 9), samples=samples, seed=seeds, data=st.data())
 def test_two_blocks_are_one(m, samples, seed, data):
     """Wherever a chain is cut, inside and outside together give what the whole gives."""
     model, state, base = block_of(m, samples, seed)
     at = data.draw(st.integers(1, m - 1))
     whole = rnea(model, state, base, bodies=True)
-    parts = [(model.block(cut), block.part(model, state, cut)) for cut in (range(at), range(at, m))]
+    parts = [(model.block(cut), part(model, state, cut)) for cut in (range(at), range(at, m))]
     end = whole.bodies[:, at - 1]
     outer = rnea(*parts[1], BaseMotion(end[:, :6], end[:, 6:12]), bodies=True)
     inner = rnea(*parts[0], base, -outer.base_force, bodies=True)

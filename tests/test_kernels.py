@@ -367,15 +367,15 @@ def test_rounds_call_mpi_and_give_up_for_a_while(tmp_path):
     number = {step: kernels.STEPS.index(step) for step in kernels.STEPS}
     steps = np.array(
         [
-            (number["start"], 5, 0, 0, 0, 0),
-            (number["await"], 6, 0, 0, 0, 0),
-            (number["compose"], 2, *(array.ctypes.data for array in (composed, x, y)), 0),
-            (number["add"], 48, *(array.ctypes.data for array in (total, total, composed)), 0),
-            (number["start"], 77, 0, 0, 0, 0),
+            (number["start"], 5, 0, 0, 0, 0, 0),
+            (number["await"], 6, 0, 0, 0, 0, 0),
+            (number["compose"], 2, *(array.ctypes.data for array in (composed, x, y)), 0, 0),
+            (number["add"], 48, *(array.ctypes.data for array in (total, total, composed)), 0, 0),
+            (number["start"], 77, 0, 0, 0, 0, 0),
         ]
     )
     functions = (ctypes.cast(function, ctypes.c_void_p).value for function in (startall, testall))
-    program = np.array([steps.ctypes.data, *functions, 0, 2, 1])
+    program = np.array([steps.ctypes.data, *functions, 0, 2, 1, 1])
     run = kernels.rounds()
     assert run(program.ctypes.data, 0, 4) == 1
     assert looks == [6, 6]

@@ -13,7 +13,7 @@ from mp2a.methods.block import Block, even_counts
 from mp2a.methods.local import solve_locally
 from mp2a.program.memory import Frame, lay_out
 from mp2a.program.operations import NOTHING, Operation, add, compose, product, push
-from mp2a.program.recorder import Communication, Computation, MethodRecorder, ValueNumber
+from mp2a.program.recorder import Communication, Computation, MethodRecorder, Output
 from mp2a.program.replay import compute
 from mp2a.schedule import Round, Schedule, Transfer, shifted
 from mp2a.validation import check_state
@@ -70,7 +70,7 @@ def test_all_ranks_programs_together_are_the_method(name, n, samples, branching,
     starts = np.concatenate(([0], np.cumsum(counts)))
     nodes = model.parents if ranks == n else ranks
     schedule = method.schedule(nodes) if ranks == n else shifted(method.schedule(nodes))
-    blocks, frames = [], []
+    frames = []
     for rank in range(ranks):
         bodies = slice(starts[rank], starts[rank + 1])
         fields = {
@@ -78,28 +78,22 @@ def test_all_ranks_programs_together_are_the_method(name, n, samples, branching,
         }
         parents = np.arange(counts[rank]) - 1
         part = Model(parents, model.joints[bodies], inertias=model.inertias[bodies], **fields)
-        block = Block(part, rank, bool(model.parents[starts[rank]] < 0), gravity)
-        frame = Frame(lay_out(block.record(method, schedule)), samples)
+        block = Block(part, rank, bool(model.parents[starts[rank]] < 0), gravity, axis=True)
+        frame = Frame(lay_out(block.record(method, schedule, forces=True, bodies=True)), samples)
         qs, vs = (
             slice(columns[starts[rank]], columns[starts[rank + 1]]) for columns in (model.q_starts, model.v_starts)
         )
-        own = check_state(part, q[:, qs], v[:, vs], a[:, vs], forces[:, bodies])
-        inputs = block.inputs(own, frame.layout.program.inputs)
-        for key, number in frame.layout.program.inputs.items():
-            frame.store(number, inputs[key])
-        blocks.append(block)
+        frame.give([q[:, qs], v[:, vs], a[:, vs], forces[:, bodies]])
         frames.append(frame)
     run_all(frames)
-    for rank, (block, frame) in enumerate(zip(blocks, frames, strict=True)):
-        outputs = frame.layout.program.outputs
-        found = {key: frame.result(x) if isinstance(x, ValueNumber) else x for key, x in outputs.items()}
+    for rank, frame in enumerate(frames):
+        found = frame.results(single=False)
         vs = slice(model.v_starts[starts[rank]], model.v_starts[starts[rank + 1]])
-        assert close(block.torque(found), torque[:, vs], torque)
-        velocity, acceleration, force = block.results(found)[0]
+        assert close(found["torque"], torque[:, vs], torque)
         bodies = slice(starts[rank], starts[rank + 1])
-        assert close(velocity, scan.velocity[bodies], scan.velocity)
-        assert close(acceleration, scan.acceleration[bodies], scan.acceleration)
-        assert close(force, scan.force[bodies], scan.force)
+        for name in ("velocity", "acceleration", "force"):
+            whole = getattr(scan, name)
+            assert close(found[name].swapaxes(0, 1), whole[bodies], whole)
 
 
 def messages(names):
@@ -110,10 +104,27 @@ def test_what_nobody_needs_is_not_worked_out():
     recorder = MethodRecorder(Schedule(1, ()), {}, 0)
     x, y = recorder.input("x", 6), recorder.input("y", 6)
     add(x, y)
-    program = recorder.program({"twice": add(x, x), "constant": 3})
+    recorder.constant(np.zeros(6))
+    program = recorder.program({"twice": Output(add(x, x), (6,)), "constant": Output(3, ())})
     assert len(program.instructions) == 1
-    assert set(program.inputs) == {"x"}
-    assert program.outputs["constant"] == 3
+    assert [argument.number is None for argument in program.arguments] == [False, True]
+    assert not program.constants
+    assert program.outputs["constant"].value == 3
+
+
+def test_constants_are_never_overwritten():
+    """Whatever is worked out, and how often: their memory is theirs."""
+    recorder = MethodRecorder(Schedule(1, ()), {}, 0)
+    x, one = recorder.input("x", 6), recorder.constant(np.ones(6))
+    total = add(one, x)
+    for _ in range(5):
+        total = add(total, one)
+    frame = Frame(lay_out(recorder.program({"total": Output(total, (6,))})), 3)
+    for _ in range(2):
+        frame.give([np.zeros((3, 6))])
+        for instruction in frame.layout.program.instructions:
+            compute(frame, instruction)
+        assert (frame.results(single=False)["total"] == 6.0).all()
 
 
 def test_where_nothing_comes_the_own_part_stays():
@@ -130,15 +141,15 @@ def test_messages_of_several_children_add_up():
     recorder = MethodRecorder(Schedule(4, (round_,)), messages({}), 0)
     x = recorder.input("x", 6)
     (came,) = recorder.exchange(round_, x=x)
-    frame = Frame(lay_out(recorder.program({"x": add(x, came)})), 2)
-    frame.store(frame.layout.program.inputs["x"], np.ones((1, 2, 6)))
+    frame = Frame(lay_out(recorder.program({"x": Output(add(x, came), (6,))})), 2)
+    frame.give([np.ones((2, 6))])
     for instruction in frame.layout.program.instructions:
         if isinstance(instruction, Communication):
             for message in instruction.receives:
                 frame.message(message)[:] = 10.0**message.partner
         else:
             compute(frame, instruction)
-    assert (frame.result(frame.layout.program.outputs["x"]) == 1111.0).all()
+    assert (frame.results(single=False)["x"] == 1111.0).all()
 
 
 @given(samples=st.integers(1, 3))
@@ -152,9 +163,8 @@ def test_parts_of_a_message_lie_side_by_side(samples):
     recorder.exchange(rounds[1], c=c, x=y)
     frame = Frame(lay_out(recorder.program({})), samples)
     rng = np.random.default_rng(0)
-    arrays = {name: rng.normal(size=(1, samples, width)) for name, width in (("c", 36), ("x", 6), ("y", 6))}
-    for name, number in frame.layout.program.inputs.items():
-        frame.store(number, arrays[name])
+    arrays = {name: rng.normal(size=(samples, width)) for name, width in (("c", 36), ("x", 6), ("y", 6))}
+    frame.give(list(arrays.values()))
     sent = []
     for instruction in frame.layout.program.instructions:
         if isinstance(instruction, Communication):
@@ -171,10 +181,10 @@ def test_an_operation_of_several_results_is_recorded_as_well():
     recorder = MethodRecorder(Schedule(1, ()), {}, 0)
     x = recorder.input("x", 6)
     one, two = halves(x)
-    frame = Frame(lay_out(recorder.program({"one": one, "two": two})), 1)
-    frame.store(x.number, np.arange(6.0).reshape(1, 1, 6))
+    frame = Frame(lay_out(recorder.program({"one": Output(one, (3,)), "two": Output(two, (3, 1))})), 1)
+    frame.give([np.arange(6.0)[None]])
     compute(frame, frame.layout.program.instructions[0])
-    assert frame.result(frame.layout.program.outputs["two"]).ravel().tolist() == [3.0, 4.0, 5.0]
+    assert frame.results(single=True)["two"].tolist() == [[3.0], [4.0], [5.0]]
     assert [part.tolist() for part in halves(np.arange(6.0))] == [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]
 
 
@@ -186,10 +196,15 @@ def test_all_that_is_counted_of_a_method_is_what_its_messages_hold():
 
 
 def test_memory_is_used_again():
-    """As many numbers as the registers of a rank would have: none is kept for rounds that are over."""
-    for name, numbers in (("sweep", 24 * 3 + 28 * 4), ("kogge-stone", 42 * 4 + 36 * 2 + 6 * 4)):
+    """As many numbers as the registers of a rank would have: none is kept for rounds that are over.
+
+    Of its own a rank has the joint's three numbers, its inertia or what adds nothing, and in the end its motion, force
+    and torque.
+    """
+    for name, numbers in (("sweep", 24 * 3 + 28 * 5 + 3 + 3 * 6), ("kogge-stone", 42 * 4 + 36 * 2 + 24 + 6 * 6 + 3)):
         for rank in (0, 255, 511):
             method = METHODS[name]
             body = Model.uniform(1)
-            layout = lay_out(Block(body, rank, rank == 0, np.zeros(3)).record(method, method.schedule(512)))
+            block = Block(body, rank, rank == 0, np.zeros(3), axis=False)
+            layout = lay_out(block.record(method, method.schedule(512)))
             assert sum(layout.slots) <= numbers, (name, rank, layout.slots)

@@ -63,20 +63,20 @@ def compose(upper: Array, lower: Array) -> Array:
     return out
 
 
-def read_off(path: Array, gravity: Array) -> tuple[Array, Array]:
-    """Velocity and spatial acceleration ``(..., 6)`` of bodies whose paths reach the base, which falls with -g.
+def acceleration_from_base(path: Array, gravity: Array) -> Array:
+    """Spatial acceleration ``(..., 6)`` of bodies whose paths reach the base, which falls with -g.
 
     Parameters
     ----------
     path
-        From the base to the bodies, ``(..., 24)``.
+        From the base to the bodies, ``(..., 24)``; its velocity is theirs.
     gravity
         ``(3,)`` m/s² in the base frame.
     """
     whole = view(path)
     acceleration = whole.acceleration.copy()
     acceleration[..., 3:] -= gravity @ whole.rotation
-    return whole.velocity.copy(), acceleration
+    return acceleration
 
 
 def motion_cross(motion: Array, other: Array) -> Array:

@@ -3,21 +3,19 @@
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
-from mp2a import kernels
 from mp2a.methods import METHODS
 from mp2a.methods.block import Block
 from mp2a.model import Model
-from mp2a.program.memory import Frame, lay_out
-from mp2a.program.recorder import Communication
+from mp2a.program.memory import Frame
+from mp2a.program.recorder import Communication, MethodRecorder, Output, Program
 from mp2a.program.replay import replay
 from mp2a.schedule import Round, Schedule, Transfer
 from mp2a.spatial import Array
 from mp2a.transport.base import Parcel
-from mp2a.validation import check_state
 
 if TYPE_CHECKING:
     from mp2a.transport.link import Link
@@ -41,7 +39,7 @@ class ComputeCosts(NamedTuple):
 
 
 def method_costs(name: str, samples: int, seed: int = 0) -> ComputeCosts:
-    """Measure a distributed method: its driver runs for one robot whose neighbours answer at once.
+    """Measure a distributed method: what one robot does alone, without its messages.
 
     Parameters
     ----------
@@ -52,55 +50,65 @@ def method_costs(name: str, samples: int, seed: int = 0) -> ComputeCosts:
     seed
         Of the random chain and its motion.
     """
+    from mp2a.mpi import MPI
+    from mp2a.program.rank import Given, RankProgram
+    from mp2a.transport.link import MPILink
+    from mp2a.transport.mpi import MPITransport
+
     chosen = METHODS[name]
     model = Model.random(_ROBOTS, seed)
     middle = _ROBOTS // 2
     body = model.body(middle)
-    state = check_state(body, *model.random_state(samples, seed, body=middle), None)
-    block = Block(body, 0, False, body.gravity)
-    layout = lay_out(block.record(chosen, as_seen_by(middle, chosen.schedule(_ROBOTS))))
-    names = [x.round.recurrence for x in layout.program.instructions if isinstance(x, Communication)]
+    state = model.random_state(samples, seed, body=middle)
+    link = MPILink(MPI.COMM_SELF)
+
+    def bind(recorded: Program) -> RankProgram:
+        program = RankProgram(name, recorded, MPITransport(link))
+        program.run(state, lambda *arrays: Given(arrays, samples, False, lambda: None))
+        return program
+
+    schedule = as_seen_by(middle, chosen.schedule(_ROBOTS))
+    recorded = Block(body, 0, False, body.gravity, axis=False).record(chosen, schedule)
+    names = [x.round.recurrence for x in recorded.instructions if isinstance(x, Communication)]
+    program, empty = bind(recorded), bind(_nothing(body))
+    if program.compiled is None:
+        gaps = _medians(lambda: _interpreted(Frame(program.layout, samples), state))
+    else:
+        gaps = [_seconds(stretch) for stretch in program.compiled.stretches()]
+        gaps[0] += _seconds(lambda: empty.run(state, cast("Any", None)))  # what the interpreter does of a call
+    program.close()
+    empty.close()
+    return _sorted(names, gaps)
+
+
+def _nothing(body: Model) -> Program:
+    """Return a program that takes what others take and hands back what it got."""
+    recorder = MethodRecorder(Schedule(1, ()), {}, 0)
+    q, *_ = (recorder.input(name, width) for name, width in zip("qva", (body.nq, body.nv, body.nv), strict=True))
+    return recorder.program({"torque": Output(q, (body.nq,))})
+
+
+def _interpreted(frame: Frame, state: Sequence[Array]) -> list[float]:
+    """Seconds before each round and after the last of a program that is done step by step."""
+    watch = _Watch()
+    watch.marks.append(time.thread_time())
+    frame.give(state)
+    replay(frame, watch)
+    frame.results(single=False)
+    watch.marks.append(time.thread_time())
+    return np.subtract(watch.marks[1::2], watch.marks[::2]).tolist()
+
+
+def _seconds(call: Callable[[], object]) -> float:
+    """Seconds of a call that takes less than the clock can tell."""
 
     def once() -> list[float]:
-        watch = _Watch()
-        watch.marks.append(time.thread_time())
-        frame = Frame(layout, samples)
-        inputs = block.inputs(state, layout.program.inputs)
-        for given, number in layout.program.inputs.items():
-            frame.store(number, inputs[given])
-        replay(frame, watch)
-        block.torque({result: frame.result(x) for result, x in layout.program.outputs.items() if isinstance(x, int)})
-        watch.marks.append(time.thread_time())
-        return np.subtract(watch.marks[1::2], watch.marks[::2]).tolist()
+        began = time.thread_time()
+        for _ in range(_CALLS):
+            call()
+        return [(time.thread_time() - began) / _CALLS]
 
-    measured = _sorted(names, _medians(once))
-    return measured._replace(between={**measured.between, **_compiled(Frame(layout, samples), names)})
-
-
-def _compiled(frame: Frame, names: Sequence[str]) -> dict[str, float]:
-    """Seconds between the rounds of each recurrence, where they are compiled."""
-    from mp2a.mpi import MPI
-    from mp2a.program.compiled import CompiledProgram
-    from mp2a.transport.link import MPILink
-    from mp2a.transport.mpi import MPITransport
-
-    function = kernels.rounds()
-    if function is None:
-        return {}
-    program = CompiledProgram(function, frame, MPITransport(MPILink(MPI.COMM_SELF)))
-    seconds = {}
-    for name in dict.fromkeys(names):
-        arithmetic, rounds = program.arithmetic(name), names.count(name)
-
-        def once(arithmetic: Callable[[], int] = arithmetic, rounds: int = rounds) -> list[float]:
-            began = time.thread_time()
-            for _ in range(_CALLS):
-                arithmetic()
-            return [(time.thread_time() - began) / (_CALLS * rounds)]
-
-        seconds[name] = _medians(once)[0]
-    program.free()
-    return seconds
+    return _medians(once)[0]
 
 
 def pipeline_costs(samples: int, seed: int = 0) -> ComputeCosts:

@@ -10,13 +10,13 @@ the work, and `status` says why.
 
 import sys
 from collections.abc import Callable, Sequence
-from functools import cache
-from typing import Any, NamedTuple
+from functools import cache, partial
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.kernels.library import ARGUMENTS, BuilderStuckError, Kernel, UnavailableError, obtain
+from mp2a.kernels.library import ELEMENTWISE, BuilderStuckError, Kernel, UnavailableError, obtain
 from mp2a.mpi_environment import rank_info, under_mpi
 from mp2a.spatial import Array, force_to_parent
 
@@ -32,11 +32,13 @@ class Status(NamedTuple):
 
 _DOUBLE = np.dtype(np.float64)
 
-_POINTER = object.__basicsize__
+POINTER = object.__basicsize__
 """Where an array object keeps the address of its numbers: right behind what every object has (numpy's C interface).
 Reading it there takes a tenth of the time that asking the array takes."""
 
 _run: dict[str, Kernel] = {}
+_kept: list[NDArray[Any]] = []
+"""Tables that compiled code has the addresses of."""
 _status: Status | None = None
 
 
@@ -69,10 +71,19 @@ def address(kernel: Kernel) -> int:
 
 def pointer(array: NDArray[Any]) -> int:
     """Address of the pointer to an array's numbers, for kernels; the array has to live on."""
-    return id(array) + _POINTER
+    return id(array) + POINTER
 
 
-STEPS = ("start", "await", "compose", "transform", "transform_force", "add", "product", "push")
+LARGEST_ANGLE = 1e6
+"""Angle up to which compiled sines and cosines are exact to rounding, rad."""
+
+AXIS = 6
+"""Which number of a program says whether its arguments have an axis of samples."""
+
+PLAIN = 0x0101
+"""numpy's flags of an array whose numbers lie one after the other, where numbers of their size should."""
+
+STEPS = ("start", "await", "read", "check_length", "copy", "add", *ELEMENTWISE)
 """What `rounds` can do, in the order of the numbers that mean it."""
 
 
@@ -89,20 +100,17 @@ def rounds() -> Callable[[int, int, int], int] | None:
     import ctypes
 
     outside = [ctypes.cast(ctypes.CDLL(None).sched_yield, ctypes.c_void_p).value or 0]
-    for step in STEPS:
-        kernel = _run.get(step)
-        outside += (0, 0) if kernel is None else (address(kernel), len(ARGUMENTS[step]) - 2)
-    table = np.array(outside, dtype=np.int64)
-    return lambda program, first, last: run(table.ctypes.data, program, first, last) or 0
+    outside += [address(_run[step]) if step in _run else 0 for step in STEPS]
+    _kept.append(np.array(outside, dtype=np.int64))
+    return cast("Callable[[int, int, int], int]", partial(run, _kept[-1].ctypes.data))
 
 
 def _load(*, patient: bool) -> Status:
     global _status  # noqa: PLW0603
     try:
         path, kernels = obtain(patient=patient)
-        probe = np.empty(1)
-        if _read_pointer(probe) != probe.ctypes.data:
-            raise UnavailableError("this numpy keeps the addresses of arrays in another place")
+        if not _knows_arrays():
+            raise UnavailableError("this numpy keeps in another place what it knows of an array")
     except UnavailableError as error:
         _status = Status(False, str(error))
         rank = rank_info()
@@ -114,10 +122,17 @@ def _load(*, patient: bool) -> Status:
     return _status
 
 
-def _read_pointer(array: Array) -> int | None:
+def _knows_arrays() -> bool:
+    """Tell whether an array object holds its address, axes, lengths, type and flags where kernels look for them."""
     import ctypes
 
-    return ctypes.c_void_p.from_address(id(array) + _POINTER).value
+    probe = np.empty((2, 3))
+    words = (ctypes.c_int64 * 7).from_address(id(probe) + POINTER)
+    lengths = (ctypes.c_int64 * 2).from_address(words[2])
+    axes, flags = words[1] & 0xFFFFFFFF, words[6] & 0xFFFFFFFF
+    return (words[0], axes, [*lengths], words[5]) == (probe.ctypes.data, 2, [2, 3], id(_DOUBLE)) and (
+        flags & PLAIN == PLAIN and probe[:, :2].flags.num & PLAIN != PLAIN
+    )
 
 
 def compose(upper: Array, lower: Array, out: Array | None = None) -> Array:
@@ -208,10 +223,12 @@ class _Signature(NamedTuple):
     third: int = 0
 
 
-_COMPOSE = _Signature("compose", 24, 24, 24)
-_TRANSFORM = _Signature("transform", 28, 28, 24)
-_FORCE = _Signature("force", 6, 28, 6, 6)
-_TRANSFORM_FORCE = _Signature("transform_force", 6, 24, 6)
+def _signature(name: str) -> _Signature:
+    form = ELEMENTWISE[name]
+    return _Signature(name, form.result, *form.inputs)
+
+
+_COMPOSE, _TRANSFORM, _FORCE, _TRANSFORM_FORCE = map(_signature, ("compose", "transform", "force", "transform_force"))
 
 
 def _apply(kernel: _Signature, out: Array | None, a: Array, b: Array, c: Array | None = None) -> Array:
@@ -237,9 +254,9 @@ def _apply(kernel: _Signature, out: Array | None, a: Array, b: Array, c: Array |
     if out is None:
         out = np.empty((*lead, result))
     if c is None:
-        run(out.size // result, id(out) + _POINTER, id(a) + _POINTER, id(b) + _POINTER)
+        run(out.size // result, id(out) + POINTER, id(a) + POINTER, id(b) + POINTER)
     else:
-        run(out.size // result, id(out) + _POINTER, id(a) + _POINTER, id(b) + _POINTER, id(c) + _POINTER)
+        run(out.size // result, id(out) + POINTER, id(a) + POINTER, id(b) + POINTER, id(c) + POINTER)
     return out
 
 
@@ -256,7 +273,7 @@ def _apply_general(kernel: _Signature, out: Array | None, inputs: Sequence[Array
         pairs = zip(inputs, columns, strict=False)
         arrays = [np.ascontiguousarray(np.broadcast_to(x, (*lead, count)), np.float64) for x, count in pairs]
         result = np.empty((*lead, width))
-        _run[name](result.size // width, id(result) + _POINTER, *(id(array) + _POINTER for array in arrays))
+        _run[name](result.size // width, id(result) + POINTER, *(id(array) + POINTER for array in arrays))
     else:
         result = numpy_version(name)(*inputs)
     if out is None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from mp2a.cores import usable_cores
-from mp2a.kernels.library import ARGUMENTS, CPU_FEATURES, RESULTS, checksum
+from mp2a.kernels.library import ARGUMENTS, CPU_FEATURES, ELEMENTWISE, RESULTS, checksum
 from mp2a.kernels.linker import LinkError, shared_object
 
 
@@ -54,6 +54,22 @@ def assembly(name: str) -> str:
 
 def compile_kernel(name: str) -> Any:
     """Compile a kernel to a module of LLVM, in which only ``mp2a_<name>`` is seen from outside."""
+    return _compile_formula(name) if name in ELEMENTWISE else _compile_function(name)
+
+
+def _compile_formula(name: str) -> Any:
+    import llvmlite.binding as llvm
+
+    from mp2a.kernels.elementwise import elementwise
+    from mp2a.kernels.source import formula
+
+    module = llvm.parse_assembly(elementwise(name, formula(name), ELEMENTWISE[name]))
+    passes = llvm.create_pass_builder(target_machine(), llvm.create_pipeline_tuning_options(speed_level=2))
+    passes.getModulePassManager().run(module, passes)
+    return module
+
+
+def _compile_function(name: str) -> Any:
     import llvmlite.binding as llvm
     import numba
     from numba import types

@@ -1,4 +1,4 @@
-"""Formulas that take each sample by itself, eight samples at once.
+"""Kernels of formulas that take each sample by itself, eight samples at once.
 
 Samples lie in memory one after the other, so eight of them are transposed in registers, on the way in and on the way
 out. The same formula with single numbers instead of vectors is for the last samples that do not fill a vector.
@@ -8,14 +8,13 @@ Only building the kernels imports this module.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 
 from mp2a.kernels.algebra import Numbers
+from mp2a.kernels.library import Elementwise
 from mp2a.kernels.symbols import INDEX, LANES, Formula, Symbol, read_rows, write_rows
 
 
@@ -46,38 +45,57 @@ def _store_row(builder: ir.IRBuilder, start: Any, values: Numbers) -> None:
         builder.store(value.value, builder.gep(start, [ir.Constant(INDEX, i)])).align = 1
 
 
-def elementwise(formula: Formula, columns: Sequence[int], *, block: bool) -> Any:
-    """Make a formula a function that numba's compiled functions can call.
+def elementwise(name: str, formula: Formula, form: Elementwise) -> str:
+    """Write a kernel in LLVM's language: a loop over samples, eight at once while there are so many.
 
     Parameters
     ----------
+    name
+        Of the kernel; the function is ``mp2a_<name>(count, out, *inputs)``, with the number of samples and, for each
+        array of ``(count, columns)`` doubles, or of a row of constants, the address of a pointer to it. All of a block
+        of samples is read before any of it is written.
     formula
-        The formula.
-    columns
-        How many numbers a sample has, for each input.
-    block
-        Whether for eight samples at once, or for one.
-
-    Returns
-    -------
-    numba intrinsic
-        ``f(out, inputs, row)`` with a pointer to doubles, a tuple of such pointers, and the first sample. All of a
-        block is read before any of it is written.
+        What it works out.
+    form
+        How many numbers its inputs have.
     """
-    load, store = (_load_block, _store_block) if block else (_load_row, _store_row)
+    module = ir.Module(name=name)
+    arrays = [ir.DoubleType().as_pointer().as_pointer()] * (1 + len(form.inputs) + len(form.constants))
+    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [INDEX, *arrays]), f"mp2a_{name}")
+    builder = ir.IRBuilder(function.append_basic_block())
+    count, out, *inputs = (function.args[0], *(builder.load(array) for array in function.args[1:]))
+    sampled, same = inputs[: len(form.inputs)], inputs[len(form.inputs) :]
+    constants = [_load_row(builder, start, columns) for start, columns in zip(same, form.constants, strict=True)]
 
-    @intrinsic
-    def call(context: Any, out: Any, inputs: Any, row: Any) -> Any:
-        def emit(context: Any, builder: ir.IRBuilder, form: Any, arguments: Sequence[Any]) -> Any:
-            target, sources, first = arguments
-            samples = []
-            for i, count in enumerate(columns):
-                start = builder.mul(first, ir.Constant(INDEX, count))
-                samples.append(load(builder, builder.gep(builder.extract_value(sources, i), [start]), count))
-            result = formula(*samples)
-            store(builder, builder.gep(target, [builder.mul(first, ir.Constant(INDEX, len(result)))]), result)
-            return context.get_dummy_value()
+    def step(load: Any, store: Any) -> Callable[[Any], None]:
+        def work(first: Any) -> None:
+            given = [
+                load(builder, _row(builder, *each, first), each[1]) for each in zip(sampled, form.inputs, strict=True)
+            ]
+            store(builder, _row(builder, out, form.result, first), formula(*given, *constants))
 
-        return types.void(out, inputs, types.int64), emit
+        return work
 
-    return call
+    full = builder.and_(count, ir.Constant(INDEX, -LANES))
+    _loop(builder, ir.Constant(INDEX, 0), full, LANES, step(_load_block, _store_block))
+    _loop(builder, full, count, 1, step(_load_row, _store_row))
+    builder.ret_void()
+    return str(module)
+
+
+def _row(builder: ir.IRBuilder, start: Any, columns: int, first: Any) -> Any:
+    return builder.gep(start, [builder.mul(first, ir.Constant(INDEX, columns))])
+
+
+def _loop(builder: ir.IRBuilder, first: Any, last: Any, step: int, work: Callable[[Any], None]) -> None:
+    """Do some work from ``first`` to ``last``, and go on behind."""
+    before, body, behind = builder.block, builder.append_basic_block(), builder.append_basic_block()
+    builder.cbranch(builder.icmp_signed("<", first, last), body, behind)
+    builder.position_at_end(body)
+    at = builder.phi(INDEX)
+    work(at)
+    following = builder.add(at, ir.Constant(INDEX, step))
+    at.add_incoming(first, before)
+    at.add_incoming(following, builder.block)
+    builder.cbranch(builder.icmp_signed("<", following, last), body, behind)
+    builder.position_at_end(behind)

@@ -1,7 +1,11 @@
-"""Formulas of segments; what they mean stands in `mp2a.algebra.motion` and `mp2a.algebra.inertia`."""
+"""Formulas of segments, each under the name of its kernel.
+
+What they mean stands in `mp2a.algebra.motion`, `mp2a.algebra.inertia` and `mp2a.program.operations`.
+"""
 
 from typing import Any
 
+from mp2a.kernels import algebra
 from mp2a.kernels.algebra import (
     Numbers,
     add,
@@ -11,8 +15,8 @@ from mp2a.kernels.algebra import (
     apply_transposed,
     cross,
     minus_twice,
-    product,
     scaled,
+    sub,
     turned,
     twice_turning,
 )
@@ -28,7 +32,7 @@ def compose(upper: Numbers, lower: Numbers) -> Numbers:
     dw = apply_transposed(r2, dw1)
     a = apply_transposed(r2, add(a1, cross(dw1, p2)))
     return (
-        product(r1, r2)
+        algebra.product(r1, r2)
         + add(upper[9:12], apply(r1, p2))
         + add(w, w2)
         + add(v, v2)
@@ -86,7 +90,78 @@ def transform(composite: Numbers, path: Numbers) -> Numbers:
     return m, *rest
 
 
-def matrix_product(a: Numbers, b: Numbers) -> Numbers:
+def force_from_parent(path: Numbers, force: Numbers) -> Numbers:
+    """Take a force from the upper to the lower end of a path."""
+    linear = force[3:6]
+    angular = sub(force[0:3], cross(path[9:12], linear))
+    return apply_transposed(path[0:9], angular) + apply_transposed(path[0:9], linear)
+
+
+def velocity_across(path: Numbers) -> Numbers:
+    """Return the velocity of a path's lower end relative to its upper one."""
+    return path[12:18]
+
+
+def acceleration_from_base(path: Numbers, gravity: Numbers) -> Numbers:
+    """Return the spatial acceleration of a body whose path reaches the base, which falls with -g."""
+    return path[18:21] + sub(path[21:24], apply_transposed(path[0:9], gravity))
+
+
+def to_classical(acceleration: Numbers, velocity: Numbers) -> Numbers:
+    """Return the classical acceleration of a spatial one."""
+    return acceleration[0:3] + add(acceleration[3:6], cross(velocity[0:3], velocity[3:6]))
+
+
+def acceleration_across(path: Numbers, velocity: Numbers) -> Numbers:
+    """Return H q̈ and the velocity products of a path whose lower end has a velocity."""
+    w, turning, sliding = velocity[0:3], path[12:15], path[15:18]
+    w_parent, place = sub(w, turning), apply_transposed(path[0:9], path[9:12])
+    linear = add(cross(w_parent, add(cross(w_parent, place), sliding)), cross(w, sliding))
+    return add(path[18:21], cross(w, turning)) + add(path[21:24], linear)
+
+
+def operator_across(path: Numbers) -> Numbers:
+    """Return ``Pᵀ Rᵀ`` across a path, a 6x6 matrix row by row."""
+    r, p = path[0:9], path[9:12]
+    zero = p[0].constant(0.0)
+    nothing = (zero, zero, zero)
+    turned = [(r[i], r[3 + i], r[6 + i]) for i in range(3)]
+    above = [row + nothing for row in turned]
+    below = [cross(p, row) + row for row in turned]
+    return tuple(number for row in (*above, *below) for number in row)
+
+
+def transpose_matrix(a: Numbers) -> Numbers:
+    """Return the transpose of a 6x6 matrix."""
+    return tuple(a[6 * j + i] for i in range(6) for j in range(6))
+
+
+def apply_matrix(a: Numbers, x: Numbers) -> Numbers:
+    """Return ``a x`` with a 6x6 matrix."""
+    return tuple(_dot(a[6 * i : 6 * i + 6], x) for i in range(6))
+
+
+def subtract(a: Numbers, b: Numbers) -> Numbers:
+    """Return ``a - b``."""
+    return tuple(x - y for x, y in zip(a, b, strict=True))
+
+
+def body_inertia(external: Numbers, body: Numbers) -> Numbers:
+    """Return the composite inertia of one body that is pushed from outside, from that without."""
+    zero = external[0].constant(0.0)
+    return tuple(zero + x for x in body[:10]) + tuple(zero - x for x in external) + (zero,) * 12
+
+
+def body_force(velocity: Numbers, acceleration: Numbers, body: Numbers) -> Numbers:
+    """Return the force that moves a body with a classical acceleration, from its composite inertia."""
+    w, dw, a = velocity[0:3], acceleration[0:3], acceleration[3:6]
+    mass, moment, inertia = body[0], body[1:4], body[4:10]
+    spin = apply_symmetric(inertia, w)
+    angular = add(add(apply_symmetric(inertia, dw), cross(w, spin)), cross(moment, a))
+    return angular + scaled(add(cross(dw, moment), cross(w, cross(w, moment))), a, mass)
+
+
+def product(a: Numbers, b: Numbers) -> Numbers:
     """Return ``a b`` of 6x6 matrices, row by row."""
     return tuple(_dot(a[6 * i : 6 * i + 6], b[j::6]) for i in range(6) for j in range(6))
 

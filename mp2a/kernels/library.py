@@ -23,22 +23,63 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import mp2a
 from mp2a import spatial
 
 Kernel = Callable[..., int | None]
-"""A kernel. Those of segments are ``f(count, out, *inputs)``: number of samples, and for each array the address of the
-pointer to its numbers; for the others see `mp2a.kernels.rnea`, `mp2a.kernels.replay` and `mp2a.kernels.worker`."""
+"""A kernel. Those of `ELEMENTWISE` are ``f(count, out, *inputs)``: number of samples, and for each array the address of
+the pointer to its numbers; for the others see `mp2a.kernels.rnea`, `mp2a.kernels.replay` and `mp2a.kernels.worker`."""
+
+
+class Elementwise(NamedTuple):
+    """A formula that takes each sample by itself: how many numbers a sample has in its result and its inputs."""
+
+    result: int
+    inputs: tuple[int, ...]
+    constants: tuple[int, ...] = ()
+    """Numbers of further inputs that are the same for all samples."""
+
+
+_JOINT = (15,)
+"""Rotation and translation of a joint's frame in the parent, and its axis."""
+
+ELEMENTWISE = {
+    "compose": Elementwise(24, (24, 24)),
+    "transform": Elementwise(28, (28, 24)),
+    "force": Elementwise(6, (28, 6, 6)),
+    "transform_force": Elementwise(6, (24, 6)),
+    "force_from_parent": Elementwise(6, (24, 6)),
+    "product": Elementwise(36, (36, 36)),
+    "push": Elementwise(6, (36, 6, 6)),
+    "apply_matrix": Elementwise(6, (36, 6)),
+    "transpose_matrix": Elementwise(36, (36,)),
+    "operator_across": Elementwise(36, (24,)),
+    "velocity_across": Elementwise(6, (24,)),
+    "acceleration_across": Elementwise(6, (24, 6)),
+    "acceleration_from_base": Elementwise(6, (24,), (3,)),
+    "to_classical": Elementwise(6, (6, 6)),
+    "body_inertia": Elementwise(28, (6,), (28,)),
+    "body_force": Elementwise(6, (6, 6), (28,)),
+    "subtract": Elementwise(6, (6, 6)),
+    "path_revolute": Elementwise(24, (1, 1, 1), _JOINT),
+    "path_continuous": Elementwise(24, (2, 1, 1), _JOINT),
+    "path_prismatic": Elementwise(24, (1, 1, 1), _JOINT),
+    "path_planar": Elementwise(24, (4, 3, 3), _JOINT),
+    "path_spherical": Elementwise(24, (4, 3, 3), _JOINT),
+    "path_free": Elementwise(24, (7, 6, 6), _JOINT),
+    "torque_revolute": Elementwise(1, (6,), (3,)),
+    "torque_continuous": Elementwise(1, (6,), (3,)),
+    "torque_prismatic": Elementwise(1, (6,), (3,)),
+    "torque_planar": Elementwise(3, (6,), (3,)),
+    "torque_spherical": Elementwise(3, (6,), (3,)),
+    "torque_free": Elementwise(6, (6,), (3,)),
+}
+"""Formulas of segments, of `mp2a.kernels.formulas`, and of joints, of `mp2a.kernels.joint_formulas`."""
 
 ARGUMENTS = {
-    "compose": "nppp",
-    "transform": "nppp",
-    "force": "npppp",
-    "transform_force": "nppp",
-    "product": "nppp",
-    "push": "npppp",
+    **{name: "n" + "p" * (1 + len(form.inputs) + len(form.constants)) for name, form in ELEMENTWISE.items()},
     **dict.fromkeys(
         (
             "rnea_double", "rnea_double_bodies", "rnea_single", "rnea_single_bodies",

@@ -1,4 +1,4 @@
-"""Sine and cosine of vectors, to rounding for angles of moderate size.
+"""Sine and cosine of numbers and vectors, to rounding for angles of moderate size.
 
 The angle less a multiple of π/2 lies within ±π/4, where short polynomials are exact to rounding (coefficients: double
 from Sun's fdlibm, ``k_sin.c`` and ``k_cos.c``; single from Moshier's Cephes, ``sinf.c``). The multiple is found by
@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from llvmlite import ir
 
+from mp2a.kernels import LARGEST_ANGLE
 from mp2a.kernels.symbols import Symbol
 
 
@@ -26,7 +27,7 @@ class _Format(NamedTuple):
 
 
 _DOUBLE = _Format(
-    1e6,
+    LARGEST_ANGLE,
     1.5 * 2.0**52,
     (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21),
     (
@@ -60,11 +61,12 @@ def sine_and_cosine(x: Symbol) -> tuple[Symbol, Symbol]:
 
     # The last bits of the raised angle count the quarter turns, also where the angle is not a number.
     bits = ir.IntType(64 if form is _DOUBLE else 32)
-    kind = ir.VectorType(bits, raised.value.type.count)
+    lanes = raised.value.type.count if isinstance(raised.value.type, ir.VectorType) else 0
+    kind = ir.VectorType(bits, lanes) if lanes else bits
     turns = build.bitcast(raised.value, kind)
 
     def constant(number: int) -> ir.Constant:
-        return ir.Constant(kind, [number] * kind.count)
+        return ir.Constant(kind, [number] * lanes if lanes else number)
 
     def flipped(value: ir.Value, when: ir.Value) -> Symbol:
         """Change the sign where the second bit is set."""
@@ -84,7 +86,9 @@ def largest_angle(x: Symbol) -> float:
 
 
 def _format(x: Symbol) -> _Format:
-    return _DOUBLE if x.value.type.element == ir.DoubleType() else _SINGLE
+    kind = x.value.type
+    real = kind.element if isinstance(kind, ir.VectorType) else kind
+    return _DOUBLE if real == ir.DoubleType() else _SINGLE
 
 
 def _polynomial(x: Symbol, coefficients: tuple[float, ...]) -> Symbol:

@@ -5,7 +5,15 @@ from typing import Any
 from mp2a.algebra import motion
 from mp2a.algebra.affine import NO_VECTOR
 from mp2a.methods.node import Own, Rounds, ScanResult
-from mp2a.program.operations import NOTHING, add, compose, read_off, to_classical, transform_force
+from mp2a.program.operations import (
+    NOTHING,
+    acceleration_from_base,
+    add,
+    compose,
+    to_classical,
+    transform_force,
+    velocity_across,
+)
 from mp2a.schedule import FORCE, MOTION
 
 MESSAGES = {MOTION: {"path": motion.IDENTITY}, FORCE: {"force": NO_VECTOR}}
@@ -18,7 +26,7 @@ def compact(own: Own, rounds: Rounds) -> ScanResult:
     it sends it, so that a force is 6 numbers on the wire.
     """
     paths = scan_motion(own.path, rounds)
-    velocity, spatial = read_off(paths[-1], own.gravity)
+    velocity, spatial = velocity_across(paths[-1]), acceleration_from_base(paths[-1], own.gravity)
     acceleration = to_classical(spatial, velocity)
     force, distal = own.force(velocity, acceleration), NOTHING
     for round_, path in zip(rounds.recurrence("force"), paths, strict=False):

@@ -2,7 +2,16 @@
 
 from mp2a.algebra import inertia, motion
 from mp2a.methods.node import Own, Rounds, ScanResult
-from mp2a.program.operations import NOTHING, add, compose, force_of, read_off, to_classical, transform
+from mp2a.program.operations import (
+    NOTHING,
+    acceleration_from_base,
+    add,
+    compose,
+    force_of,
+    to_classical,
+    transform,
+    velocity_across,
+)
 from mp2a.schedule import FORCE, MOTION
 
 MESSAGES = {MOTION: {"path": motion.IDENTITY}, FORCE: {"load": inertia.IDENTITY}}
@@ -20,6 +29,6 @@ def sweep(own: Own, rounds: Rounds) -> ScanResult:
         above, load = rounds.exchange(round_, path=path, load=transform(below, path))
         path = compose(above, path)
         below, distal = add(below, load), add(distal, load)
-    velocity, acceleration = read_off(path, own.gravity)
+    velocity, acceleration = velocity_across(path), acceleration_from_base(path, own.gravity)
     force, behind = force_of(below, velocity, acceleration), force_of(distal, velocity, acceleration)
     return ScanResult(velocity, to_classical(acceleration, velocity), force, behind, path)

@@ -1,14 +1,13 @@
-"""Collective calls: each rank prepares, goes through its rounds, and what is wrong on one is raised on all."""
+"""Collective calls: each rank reads its arguments, then come the rounds; what is wrong on one is raised on all."""
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 from mp2a.exceptions import InputError, RankError
 from mp2a.mpi import MPI
-from mp2a.program.rank import RankProgram
-from mp2a.spatial import Array
+from mp2a.program.rank import Given, RankProgram
 from mp2a.transport.agreement import agree, raise_on_all
 
 MANY_SAMPLES = 256
@@ -18,18 +17,8 @@ not be there; the time that takes is then small beside theirs."""
 Call = TypeVar("Call", bound=Callable[..., Any])
 
 
-class Prepared(NamedTuple):
-    """Checked input of a call on this rank."""
-
-    inputs: dict[str, Array]
-    """Of the program."""
-    samples: int
-    kept: Any
-    """For what comes after the rounds."""
-
-
-Prepare = Callable[[RankProgram], Prepared]
-"""Checks the input of a call and works out what its program needs."""
+Key = tuple[Hashable, ...]
+"""Which program a call takes: its name, and whatever else decides."""
 
 
 class Calls:
@@ -40,42 +29,43 @@ class Calls:
     comm
         The ranks; it is this object's own.
     program
-        Makes the program of a call by its name, when it is first wanted.
+        Makes the program of a call by its key, when it is first wanted.
     """
 
-    def __init__(self, comm: MPI.Intracomm, program: Callable[[str], RankProgram]) -> None:
+    def __init__(self, comm: MPI.Intracomm, program: Callable[..., RankProgram]) -> None:
         self._comm: MPI.Comm = comm
         self._make = program
-        self._programs: dict[str, RankProgram] = {}
+        self._programs: dict[Key, RankProgram] = {}
         self._busy, self._thread = threading.Lock(), threading.get_ident()
         self._unusable = ""
 
-    def program(self, name: str) -> RankProgram:
+    def program(self, key: Key) -> RankProgram:
         """Return the program of a call."""
-        if name not in self._programs:
-            self._programs[name] = self._make(name)
-        return self._programs[name]
+        program = self._programs.get(key)
+        if program is None:
+            program = self._programs[key] = self._make(*key)
+        return program
 
     def run(
-        self, name: str, prepare: Prepare, *, flag: bool = False, known: bool = False
-    ) -> tuple[Any, dict[str, Any]]:
+        self, key: Key, arguments: Sequence[Any], read: Callable[..., Given], *, known: bool = False
+    ) -> dict[str, Any]:
         """Make a call; collective.
 
         Parameters
         ----------
-        name
+        key
+            Of its program; the first part is the call's name.
+        arguments
             Of the call.
-        prepare
-            What it raises here is raised on every rank.
-        flag
-            What has to be the same on every rank, beside the number of samples.
+        read
+            Checks them and makes arrays of them; what it raises here is raised on every rank.
         known
             Whether what is wrong has reached all ranks by the last round, so that they need not agree that all is well.
 
         Returns
         -------
-        tuple
-            What `prepare` gave to be kept, and the outputs of the program.
+        dict of str to array
+            The outputs of the program.
 
         Raises
         ------
@@ -84,15 +74,30 @@ class Calls:
             the last one was broken off.
         """
         if self._unusable:
-            raise RankError(f"{name}: this object cannot be used any more: {self._unusable}")
-        if not self._busy.acquire(blocking=False):
-            raise RankError(f"{name}: another thread is in the middle of a call; only one may use this object")
+            raise RankError(f"{key[0]}: this object cannot be used any more: {self._unusable}")
+        if not self._busy.acquire(False):
+            raise RankError(f"{key[0]}: another thread is in the middle of a call; only one may use this object")
         try:
-            program = self.program(name)
-            return self._run(name, program, prepare, flag, known)
+            program = self._programs.get(key) or self.program(key)
+            error: Exception | None = None
+            outputs: dict[str, Any] = {}
+            try:
+                if threading.get_ident() != self._thread:
+                    program.fail()
+                    raise RankError(f"{key[0]}: called in another thread than the one that made this object")
+                outputs = program.run(arguments, read)
+            except MPI.Exception:
+                raise
+            except Exception as found:
+                error = found
+            valid = error is None and program.transport.valid
+            sure = valid and known and program.samples < MANY_SAMPLES
+            if not sure and not agree(self._comm, valid):
+                raise_on_all(self._comm, error, lambda: self._difference(program.samples, program.flag))
+            return outputs
         except BaseException as error:
             if isinstance(error, MPI.Exception) or not isinstance(error, Exception):
-                self._unusable = f"a call of {name} was broken off ({type(error).__name__}); make a new one"
+                self._unusable = f"a call of {key[0]} was broken off ({type(error).__name__}); make a new one"
                 for program in self._programs.values():
                     program.abandon()
             raise
@@ -100,9 +105,9 @@ class Calls:
             self._busy.release()
 
     @contextmanager
-    def together(self, call: Call, name: str) -> Iterator[Call]:
+    def together(self, call: Call, key: Key) -> Iterator[Call]:
         """Raise on every rank what one of them raises in this block, in which ``call`` is made once."""
-        made = False
+        made, name = False, key[0]
 
         def once(*values: Any, **named: Any) -> Any:
             nonlocal made
@@ -117,7 +122,7 @@ class Calls:
                 raise
             error = found
         if not made:
-            self.run(name, _raises(error or InputError(f"together: the block ended without a call of {name}")))
+            self.run(key, (), _raises(error or InputError(f"together: the block ended without a call of {name}")))
 
     def close(self) -> None:
         """Free what is kept, and the communicator; collective. Closing twice does nothing."""
@@ -128,37 +133,6 @@ class Calls:
         if not self._unusable:  # else the others may not come
             self._comm.Free()
         self._comm, self._unusable = MPI.COMM_NULL, "it is closed"
-
-    def _run(
-        self, name: str, program: RankProgram, prepare: Prepare, flag: bool, known: bool
-    ) -> tuple[Any, dict[str, Any]]:
-        error: Exception | None = None
-        outputs: dict[str, Any] = {}
-        prepared = Prepared({}, 0, None)
-        try:
-            if threading.get_ident() != self._thread:
-                raise RankError(f"{name}: called in another thread than the one that made this object")
-            prepared = prepare(program)
-            tag, largest = 2 * prepared.samples + flag, program.transport.largest_tag
-            if tag > largest:
-                raise InputError(
-                    f"{name}: got {prepared.samples} samples, expected at most {largest // 2} a call with this MPI"
-                )
-        except Exception as found:
-            error = found
-            program.fail()
-        else:
-            try:
-                outputs = program.run(prepared.inputs, prepared.samples, tag)
-            except MPI.Exception:
-                raise
-            except Exception as found:
-                error = found
-        valid = program.transport.valid
-        sure = valid and known and prepared.samples < MANY_SAMPLES
-        if not sure and not agree(self._comm, valid):
-            raise_on_all(self._comm, error, lambda: self._difference(prepared.samples, flag))
-        return prepared.kept, outputs
 
     def _difference(self, samples: int, flag: bool) -> str:
         """Say in what ranks differ whose messages did not fit; collective."""
@@ -172,8 +146,8 @@ class Calls:
         )
 
 
-def _raises(error: Exception) -> Prepare:
-    def prepare(_: RankProgram) -> Prepared:
+def _raises(error: Exception) -> Callable[..., Given]:
+    def read() -> Given:
         raise error
 
-    return prepare
+    return read

@@ -1,13 +1,15 @@
-"""A recorded program whose rounds are done by compiled calls, with persistent requests.
+"""A recorded program done by compiled calls, with persistent requests; where it can be, by one.
 
-`mp2a.kernels.replay` does the steps: exchanges, and the operations that have a compiled form. What has none is done
-here between them. The compiled loop looks for messages only so often; then Python takes over to wait as
-`mp2a.transport.wait` does, finds messages that do not fit, and hands back.
+`mp2a.kernels.replay` does the steps: it reads the arguments, exchanges, and does the operations that have a compiled
+form. What has none is done here between them. The compiled loop looks for messages only so often; then Python takes
+over to wait as `mp2a.transport.wait` does, finds messages that do not fit, and hands back.
 """
 
 import ctypes
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+import math
+from collections.abc import Callable, Iterable, Sequence
+from itertools import chain
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +17,19 @@ from numpy.typing import NDArray
 from mp2a import kernels
 from mp2a.cores import is_oversubscribed
 from mp2a.mpi import MPI
-from mp2a.program.memory import Frame
+from mp2a.program.memory import COPY, Frame
 from mp2a.program.operations import add
-from mp2a.program.recorder import Communication, Computation
-from mp2a.program.replay import compute, exchange_only, values_of
+from mp2a.program.recorder import Communication, Computation, Instruction
+from mp2a.program.replay import compute, exchange, exchange_only, values_of
 from mp2a.spatial import Array
+from mp2a.transport.base import Transport
 from mp2a.transport.link import Receiving, arrived
 from mp2a.transport.mpi import MPITransport
 from mp2a.transport.wait import YIELDS, wait
 
 _LOOKS = 4096
+_MESSAGES = "start", "await"
+_DOUBLE = np.dtype(np.float64)
 
 
 class _Wait(NamedTuple):
@@ -37,11 +42,11 @@ class _Wait(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """Compiled steps that follow one another, or one computation that has no compiled form."""
+    """Compiled steps that follow one another, or one instruction that is not compiled."""
 
     first: int
     last: int
-    computation: Computation | None
+    instruction: Instruction | None
     exchanges: int
     """Exchanges begun before it."""
 
@@ -56,18 +61,29 @@ class CompiledProgram:
     frame
         The program's memory.
     transport
-        Over MPI's own messages; it has the tag, and is told what was sent.
+        It is told what was sent.
+    tag
+        Of all messages.
+    wire
+        What carries out rounds one by one; None where they are compiled too, over MPI's own messages.
 
     Attributes
     ----------
     steps
-        ``(k, 6)`` of steps as `mp2a.kernels.replay` describes them.
+        ``(k, 7)`` of steps as `mp2a.kernels.replay` describes them.
     """
 
-    def __init__(self, function: Callable[[int, int, int], int], frame: Frame, transport: MPITransport) -> None:
+    def __init__(
+        self,
+        function: Callable[[int, int, int], int],
+        frame: Frame,
+        transport: MPITransport,
+        tag: int,
+        wire: Transport | None = None,
+    ) -> None:
         self.frame = frame
-        self.tag = transport.tag
-        self._function, self._transport = function, transport
+        self._tag = tag
+        self._function, self._transport, self._wire = function, transport, wire
         self._comm = transport.link.comm
         self._requests: list[MPI.Prequest] = []
         self._alike: dict[tuple[bool, int, int], list[MPI.Prequest]] = {}
@@ -77,64 +93,148 @@ class CompiledProgram:
         self._sent: list[list[tuple[str, int]]] = []
         self._pieces: list[_Piece] = []
         self._steps: list[tuple[int, ...]] = []
-        self._after: list[str] = []
-        self._recurrence = ""
+        self._what: list[str] = []
+        arguments = frame.layout.program.arguments
+        self._given, self._given_at = _integers(len(arguments))
+        self._axes = len(arguments[0].shape) if frame.samples == 1 else -1
+        self._read_arguments()
+        self._begin = len(self._steps)
         for instruction in frame.layout.program.instructions:
-            if isinstance(instruction, Communication):
+            if isinstance(instruction, Communication) and wire is None:
                 self._communicate(instruction)
-            elif instruction.operation.step is not None:
+            elif isinstance(instruction, Computation) and instruction.operation.step is not None:
                 self._compute(instruction)
             else:
                 self._end_piece()
                 end = len(self._steps)
                 self._pieces.append(_Piece(end, end, instruction, len(self._sent)))
+                if isinstance(instruction, Communication):
+                    self._sent.append([])  # counted where it is carried out
         self._await([])
         self._end_piece()
-        self.steps = np.array(self._steps, dtype=np.int64).reshape(-1, 6)
-        self._header = self._make_header()
-        self._address = _address(self._header)
+        self.steps = np.array(self._steps, dtype=np.int64).reshape(-1, 7)
+        header = self._make_header()
+        self._header, self._address = _integers(len(header))
+        self._header[:] = header
+        self._tally = transport.tally(chain.from_iterable(self._sent))
+        self._views = [frame.placed_views(single=single) for single in (frame.samples == 1, False)]
 
-    def run(self) -> None:
+    def accepts(self, arguments: Sequence[Array]) -> bool:
+        """Tell whether arguments, of which the shapes were checked, are for compiled arithmetic."""
+        self._take(arguments, axis=True)
+        return self._function(self._address, 0, self._begin) == self._begin
+
+    def run(self, arguments: Sequence[Any]) -> bool:
         """Go through the program; once a message comes that does not fit, through the exchanges alone.
+
+        Parameters
+        ----------
+        arguments
+            Of a call.
+
+        Returns
+        -------
+        bool
+            False if they are no arrays that can be taken as they are, or numbers of them are not for compiled
+            arithmetic; then nothing was sent.
 
         Raises
         ------
         Exception
             What a computation raised, after all exchanges.
         """
-        for first, last, computation, exchanges in self._pieces:
-            if computation is not None:
-                try:
-                    compute(self.frame, computation)
-                except Exception:
-                    self._give_up(exchanges)
-                    raise
-                continue
-            at = self._function(self._address, first, last)
-            while at != last:
-                if at < 0:
-                    raise MPI.Exception(-at)
-                if not self._fits(self._waits[at]):
-                    self._give_up(self._waits[at].exchanges)
-                    return
-                at = self._function(self._address, at + 1, last)
-        self._count(len(self._sent))
+        first = arguments[0]
+        axis = type(first) is np.ndarray and first.ndim != self._axes
+        if not self._take(arguments, axis):
+            return False
+        self._transport.begin(self._tag, valid=True)
+        first, last, _, _ = self._pieces[0]
+        at = self._function(self._address, first, last)
+        if at != last and 0 <= at < self._begin:
+            return False
+        if at != last or len(self._pieces) > 1:
+            self._go_on(at, arguments)
+        else:
+            self._tally.times += 1
+        return True
 
-    def arithmetic(self, recurrence: str) -> Callable[[], int]:
-        """Return a function that does the compiled arithmetic of a recurrence's rounds alone, to time it."""
-        messages = [kernels.STEPS.index(what) for what in ("start", "await")]
-        own = [after == recurrence for after in self._after]
-        steps = self.steps[own & ~np.isin(self.steps[:, 0], messages)]
-        header = self._header.copy()
-        header[0] = _address(steps)
-        kept = steps, header, self
-        return lambda: self._function(_address(kept[1]), 0, len(kept[0]))
+    def results(self) -> dict[str, Any]:
+        """Return the outputs of the last run for the caller to keep, in the shape of its arguments."""
+        views = self._views[self._header[kernels.AXIS]]
+        if views is None:
+            return self.frame.results(single=not self._header[kernels.AXIS])
+        return {name: view.copy() for name, view in views}
+
+    def _take(self, arguments: Sequence[Any], axis: bool) -> bool:
+        """Say where arguments are; False if they are no arrays."""
+        self._header[kernels.AXIS] = axis
+        for k, array in enumerate(arguments):
+            if type(array) is not np.ndarray:
+                return False
+            self._given[k] = id(array)
+        return True
+
+    def _go_on(self, at: int, arguments: Sequence[Array]) -> None:
+        """Do what is left after the first call of compiled steps."""
+        for argument, array in zip(self.frame.layout.program.arguments, arguments, strict=True):
+            # What compiled steps have no use for was not copied.
+            if argument.number is not None and argument.number not in self.frame.layout.places:
+                self.frame.store(argument.number, array.reshape(1, self.frame.samples, -1))
+        for k, (first, last, instruction, exchanges) in enumerate(self._pieces):
+            try:
+                if isinstance(instruction, Computation):
+                    compute(self.frame, instruction)
+            except Exception:
+                self._give_up(exchanges)
+                raise
+            if isinstance(instruction, Communication):
+                assert self._wire is not None
+                exchange(self.frame, instruction, self._wire)
+                if not self._transport.valid:
+                    self._give_up(exchanges + 1)
+                    return
+            if instruction is None:
+                at = at if k == 0 else self._function(self._address, first, last)
+                if not self._finish_piece(at, last):
+                    return
+        if self._wire is not None:
+            self._wire.flush()
+        self._tally.times += 1
+
+    def _finish_piece(self, at: int, last: int) -> bool:
+        """Wait for messages that compiled steps gave up on; tells whether all were as they should be."""
+        while at != last:
+            if at < 0:
+                raise MPI.Exception(-at)
+            if not self._fits(self._waits[at]):
+                self._give_up(self._waits[at].exchanges)
+                return False
+            at = self._function(self._address, at + 1, last)
+        return True
+
+    def arithmetic(self) -> Callable[[], int]:
+        """Return what does all compiled steps but the messages, to time it."""
+        return self._arithmetic(range(len(self._what)))
+
+    def stretches(self) -> list[Callable[[], int]]:
+        """Return what does so before each exchange and after the last one."""
+        at = [k for k, what in enumerate(self._what[:-1]) if what == "await"]
+        return [self._arithmetic(range(*bound)) for bound in zip([0, *at], [*at, len(self._what)], strict=True)]
+
+    def _arithmetic(self, steps: Iterable[int]) -> Callable[[], int]:
+        chosen = self.steps[[k for k in steps if self._what[k] not in _MESSAGES]]
+        header, address = _integers(len(self._header))
+        header[:] = self._header
+        header[0] = _address(chosen)
+        kept = chosen, header, self
+        return lambda: self._function(address, 0, len(kept[0]))
 
     def free(self) -> None:
         """Give the requests back."""
         for request in self._requests:
             request.Free()
         self._requests = []
+        self._transport.settle(self._tally)
 
     def abandon(self) -> None:
         """Withdraw what is still wanted, after a call that was broken off, and give the requests back."""
@@ -156,22 +256,31 @@ class CompiledProgram:
         """Go on with empty messages after some exchanges."""
         for request in self._requests:
             wait(request)
-        self._count(exchanges)
+        for kind, doubles in chain.from_iterable(self._sent[:exchanges]):
+            self._transport.count(kind, doubles)
         self._transport.valid = False
-        exchange_only(self.frame, self._transport, exchanges)
+        exchange_only(self.frame, self._wire or self._transport, exchanges)
 
-    def _count(self, exchanges: int) -> None:
-        for messages in self._sent[:exchanges]:
-            for kind, doubles in messages:
-                self._transport.count(kind, doubles)
+    def _read_arguments(self) -> None:
+        """Begin with what is given: look at it, and copy what steps have a use for."""
+        samples = self.frame.samples
+        for k, argument in enumerate(self.frame.layout.program.arguments):
+            bound = self._keep(np.array([argument.bound]))
+            axes = len(argument.shape)
+            form = self._keep(np.array([id(_DOUBLE), axes, samples, *argument.shape]))
+            place = None if argument.number is None else self.frame.values[argument.number]
+            count = samples * math.prod(argument.shape)
+            self._step("read", count, 0 if place is None else _address(place), self._given_at + 8 * k, bound, form)
+            if argument.unit is not None and place is not None:
+                width, part = place.shape[-1], argument.unit
+                self._step("check_length", samples, _address(place), width, part.start, part.stop)
 
     def _communicate(self, instruction: Communication) -> None:
-        self._recurrence = instruction.round.recurrence
         receiving = []
         for message in instruction.receives:
             into = self.frame.message(message)
             request = self._request(self._comm.Recv_init, into, message.partner)
-            receiving.append(Receiving(request, into, into, message.partner, self.tag))
+            receiving.append(Receiving(request, into, into, message.partner, self._tag))
         sending, sent = [], []
         for message in instruction.sends:
             data = self.frame.message(message)
@@ -190,8 +299,8 @@ class CompiledProgram:
         out = self.frame.values[outputs[0]]
         assert out is not None
         arrays: list[Array] = [out, *values_of(self.frame, inputs)]
-        count = out.size if operation is add else self.frame.samples
-        self._step(operation.step, count, *(_address(array) for array in arrays))
+        count = out.size if operation in (add, COPY) else self.frame.samples
+        self._step(operation.step, count, *(self._keep(array) for array in arrays))
 
     def _await(self, receiving: list[Receiving]) -> None:
         if receiving or self._in_flight:
@@ -208,7 +317,7 @@ class CompiledProgram:
         for request in alike:
             if not any(request is sent for sent in self._in_flight):
                 return request
-        alike.append(make([data, MPI.DOUBLE], partner, self.tag))
+        alike.append(make([data, MPI.DOUBLE], partner, self._tag))
         self._requests.append(alike[-1])
         return alike[-1]
 
@@ -216,21 +325,23 @@ class CompiledProgram:
         # A persistent request keeps its handle, so any number of copies of it may be in use.
         size = MPI._sizeof(MPI.Request)
         handles = b"".join(ctypes.string_at(MPI._addressof(request), size) for request in requests)
-        array = np.frombuffer(handles, dtype=np.uint8).copy()
-        self._kept.append(array)
-        self._step(what, len(requests), _address(array))
+        self._step(what, len(requests), self._keep(np.frombuffer(handles, dtype=np.uint8).copy()))
 
     def _step(self, what: str, count: int, *addresses: int) -> None:
-        self._after.append(self._recurrence)
-        self._steps.append((kernels.STEPS.index(what), count, *addresses, *[0] * (4 - len(addresses))))
+        self._what.append(what)
+        self._steps.append((kernels.STEPS.index(what), count, *addresses, *[0] * (5 - len(addresses))))
 
-    def _make_header(self) -> NDArray[np.int64]:
+    def _keep(self, array: NDArray[Any]) -> int:
+        """Return the address of an array that has to live as long as the steps."""
+        self._kept.append(array)
+        return _address(array)
+
+    def _make_header(self) -> list[int]:
         most = max((step[1] for step in self._steps if kernels.STEPS[step[0]] == "await"), default=0)
-        statuses = np.zeros(most * MPI._sizeof(MPI.Status), dtype=np.uint8)
-        self._kept.append(statuses)
+        statuses = self._keep(np.zeros(max(most, 1) * MPI._sizeof(MPI.Status), dtype=np.uint8))
         polite = is_oversubscribed()
         looks = YIELDS if polite else _LOOKS
-        return np.array([_address(self.steps), *_functions(), _address(statuses), looks, polite], dtype=np.int64)
+        return [_address(self.steps), *_functions(), statuses, looks, polite, True]
 
 
 def _functions() -> tuple[int, int]:
@@ -239,6 +350,12 @@ def _functions() -> tuple[int, int]:
     startall, testall = (ctypes.cast(library[name], ctypes.c_void_p).value for name in ("MPI_Startall", "MPI_Testall"))
     assert startall and testall
     return startall, testall
+
+
+def _integers(count: int) -> tuple[Any, int]:
+    """Return whole numbers that Python writes faster than those of an array, and their address."""
+    numbers = (ctypes.c_int64 * count)()
+    return numbers, ctypes.addressof(numbers)
 
 
 def _address(array: NDArray[np.generic]) -> int:

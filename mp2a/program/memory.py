@@ -5,13 +5,21 @@ they are needed. What is sent stays untouched until its message is known to be g
 exchange; and a receive may fill its place from the moment the exchange begins.
 """
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mp2a.program.operations import Operation, add
-from mp2a.program.recorder import Communication, Computation, Instruction, Program, RankMessage, ValueNumber
+from mp2a.program.recorder import (
+    Communication,
+    Computation,
+    Instruction,
+    Output,
+    Program,
+    RankMessage,
+    ValueNumber,
+)
 from mp2a.spatial import Array
 
 
@@ -39,7 +47,8 @@ def _copy(array: Array) -> Array:
     return array
 
 
-_COPY = Operation(_copy)
+COPY = Operation(_copy, step="copy")
+"""A value once more, where it has to lie beside others."""
 
 
 def lay_out(program: Program) -> MemoryLayout:
@@ -64,6 +73,8 @@ class Frame:
         self.values: list[Array | None] = [None] * len(layout.program.widths)
         for number, place in layout.places.items():
             self.values[number] = self._cut(place, layout.program.widths[number]).reshape(1, samples, -1)
+        for number, row in layout.program.constants.items():
+            self.store(number, np.broadcast_to(row, (1, samples, len(row))))
 
     def message(self, message: RankMessage) -> Array:
         """Return the memory of a message as it goes on the wire, ``(1, T numbers)``, contiguous."""
@@ -75,16 +86,40 @@ class Frame:
         if number in self.layout.places:
             place = self.values[number]
             assert place is not None
-            if array is not place:
-                place[...] = array
+            place[...] = array
         else:
             self.values[number] = array
 
-    def result(self, number: int) -> Array:
-        """Return a value for the caller to keep."""
-        array = self.values[number]
+    def give(self, arrays: Sequence[Array]) -> None:
+        """Store the arguments of a call, ``(T, *shape)`` each."""
+        for argument, array in zip(self.layout.program.arguments, arrays, strict=True):
+            if argument.number is not None:
+                self.store(argument.number, array.reshape(1, self.samples, -1))
+
+    def results(self, *, single: bool) -> dict[str, Any]:
+        """Return the outputs for the caller to keep, ``(T, *shape)``, or ``shape`` of a single sample."""
+        found = {}
+        for name, output in self.layout.program.outputs.items():
+            value = output.value
+            if isinstance(value, ValueNumber):
+                view = self._view(output, single)
+                value = view.copy() if value in self.layout.places else view
+            found[name] = value
+        return found
+
+    def placed_views(self, *, single: bool) -> tuple[tuple[str, Array], ...] | None:
+        """Return where the outputs lie, of which `results` makes copies; None if not all have a place."""
+        outputs = self.layout.program.outputs
+        if any(output.value not in self.layout.places for output in outputs.values()):
+            return None
+        return tuple((name, self._view(output, single)) for name, output in outputs.items())
+
+    def _view(self, output: Output, single: bool) -> Array:
+        array = self.values[output.value]
         assert array is not None
-        return array.copy() if number in self.layout.places else array
+        shaped = array[0, :, output.columns].reshape(self.samples, *output.shape)
+        view: Array = shaped[0] if single else shaped
+        return view
 
     def _cut(self, place: MemoryPlace, width: int) -> Array:
         return self._slots[place.slot][:, place.start * self.samples : (place.start + width) * self.samples]
@@ -112,7 +147,7 @@ def _group(program: Program) -> tuple[Program, list[tuple[int, ...]]]:
                 for number in numbers:
                     if len(groups.get(number, ())) > 1:  # it already lies beside others
                         widths.append(widths[number])
-                        instructions.append(Computation(_COPY, (ValueNumber(number),), (len(widths) - 1,)))
+                        instructions.append(Computation(COPY, (ValueNumber(number),), (len(widths) - 1,)))
                         number = len(widths) - 1  # noqa: PLW2901
                     copies.append(number)
                 numbers = tuple(copies)
@@ -121,6 +156,10 @@ def _group(program: Program) -> tuple[Program, list[tuple[int, ...]]]:
                 groups.setdefault(number, (number,))
             sends.append(message._replace(values=numbers))
         instructions.append(instruction._replace(sends=tuple(sends)))
+    given = {argument.number for argument in program.arguments}
+    for output in program.outputs.values():
+        if isinstance(output.value, ValueNumber) and output.value in given:
+            groups.setdefault(output.value, (output.value,))
     changed = program._replace(instructions=tuple(instructions), widths=tuple(widths))
     return changed, list(dict.fromkeys(groups.values()))
 
@@ -132,22 +171,28 @@ def _touched(instruction: Computation) -> Iterator[int]:
 
 def _lives(program: Program, groups: Sequence[tuple[int, ...]]) -> tuple[dict[int, int], dict[int, int]]:
     """Find the first and the last instruction for which each value has to be there; -1: from the start."""
-    first = dict.fromkeys(program.inputs.values(), -1)
-    last: dict[int, int] = {}
+    first = {argument.number: -1 for argument in program.arguments if argument.number is not None}
     end = len(program.instructions)
+    last: dict[int, int] = dict.fromkeys(program.constants, end + 1)
+    first.update(dict.fromkeys(program.constants, -1))
     in_flight: list[int] = []
+
+    def lives_until(numbers: Iterable[int], k: int) -> None:
+        last.update((number, max(k, last.get(number, k))) for number in numbers)
+
     for k, instruction in enumerate(program.instructions):
         if isinstance(instruction, Computation):
             first.update(dict.fromkeys(instruction.outputs, k))
-            last.update(dict.fromkeys(_touched(instruction), k))
+            lives_until(_touched(instruction), k)
         elif instruction.sends or instruction.receives:
-            last.update(dict.fromkeys(in_flight, k))
+            lives_until(in_flight, k)
             in_flight = [number for message in instruction.sends for number in message.values]
-            first.update((number, k) for message in instruction.receives for number in message.values)
-            last.update((number, k) for message in instruction.receives for number in message.values)
-            last.update(dict.fromkeys(in_flight, k))
-    last.update(dict.fromkeys(in_flight, end))
-    last.update((x, end) for x in program.outputs.values() if isinstance(x, ValueNumber))
+            coming = [number for message in instruction.receives for number in message.values]
+            first.update(dict.fromkeys(coming, k))
+            lives_until(coming, k)
+            lives_until(in_flight, k)
+    lives_until(in_flight, end)
+    lives_until((x.value for x in program.outputs.values() if isinstance(x.value, ValueNumber)), end)
     for group in groups:
         begin, until = min(first[number] for number in group), max(last.get(number, -1) for number in group)
         first.update(dict.fromkeys(group, begin))

@@ -54,7 +54,7 @@ class Operation:
     Parameters
     ----------
     function
-        What it does. With a ``step`` it takes ``out=``, an array for its one result.
+        What it does.
     widths
         Numbers a sample of each result; of none: as many as the first input has.
     step
@@ -126,10 +126,13 @@ product = Operation(affine.product, 36, step="product", neutral={0: 1, 1: 0})
 push = Operation(affine.push, 6, step="push", neutral={1: 2})
 """``C x + b``: `mp2a.algebra.affine.push`."""
 
-apply_matrix = Operation(_apply, 6, neutral={1: 1})
+subtract = Operation(np.subtract, step="subtract", neutral={1: 0})
+"""``a - b``"""
+
+apply_matrix = Operation(_apply, 6, step="apply_matrix", neutral={1: 1})
 """``C x`` with the matrix in rows of 36."""
 
-transpose_matrix = Operation(_transpose, 36)
+transpose_matrix = Operation(_transpose, 36, step="transpose_matrix")
 """``Cᵀ`` of matrices in rows of 36."""
 
 compose = Operation(kernels.compose, 24, step="compose", neutral={0: 1, 1: 0})
@@ -141,23 +144,25 @@ transform = Operation(kernels.transform, 28, step="transform")
 transform_force = Operation(kernels.transform_force, 6, step="transform_force")
 """Take a force from the lower to the upper end of a path: `mp2a.spatial.force_to_parent`."""
 
-force_from_parent = Operation(_from_parent, 6, neutral={1: 1})
+force_from_parent = Operation(_from_parent, 6, step="force_from_parent", neutral={1: 1})
 """Take a force from the upper to the lower end of a path: `mp2a.spatial.force_to_child`."""
 
-force_of = Operation(kernels.force, 6, neutral={0: 0})
+force_of = Operation(kernels.force, 6, step="force", neutral={0: 0})
 """Force that a composite inertia takes for a motion of its body: `mp2a.algebra.inertia.force`."""
 
-read_off = Operation(motion.read_off, 6, 6)
-"""Velocity and spatial acceleration of a body whose path reaches the base: `mp2a.algebra.motion.read_off`."""
+acceleration_from_base = Operation(motion.acceleration_from_base, 6, step="acceleration_from_base")
+"""Spatial acceleration of a body whose path reaches the base, in a field of gravity:
+`mp2a.algebra.motion.acceleration_from_base`."""
 
-to_classical = Operation(spatial_to_classical, 6)
+to_classical = Operation(spatial_to_classical, 6, step="to_classical")
 """Classical acceleration of a spatial one and a velocity: `mp2a.spatial.spatial_to_classical`."""
 
-operator_across = Operation(_motion_operator, 36)
+operator_across = Operation(_motion_operator, 36, step="operator_across")
 """``Pᵀ Rᵀ`` across a path, in rows of 36: `mp2a.spatial.motion_operator`."""
 
-velocity_across = Operation(_velocity_across, 6)
-"""Velocity of a path's lower end relative to its upper one, ``H q̇`` of a joint."""
+velocity_across = Operation(_velocity_across, 6, step="velocity_across")
+"""Velocity of a path's lower end relative to its upper one: ``H q̇`` of a joint, the body's own if the path reaches the
+base."""
 
-acceleration_across = Operation(_acceleration_across, 6)
+acceleration_across = Operation(_acceleration_across, 6, step="acceleration_across")
 """``H q̈`` and the velocity products of a path whose lower end has a velocity: `mp2a.spatial.velocity_product`."""

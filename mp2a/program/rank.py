@@ -1,67 +1,88 @@
 """One rank's part of a method, run again and again: recorded once, bound to memory for a number of samples."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 from mp2a import kernels
+from mp2a.exceptions import InputError
+from mp2a.mpi import MPI
+from mp2a.mpi_environment import rank_info
 from mp2a.program.compiled import CompiledProgram
 from mp2a.program.memory import Frame, lay_out
-from mp2a.program.recorder import Program, ValueNumber
+from mp2a.program.recorder import Program
 from mp2a.program.replay import exchange_only, replay
 from mp2a.spatial import Array
-from mp2a.transport.link import Link, MPILink
+from mp2a.transport.link import MPILink
 from mp2a.transport.mpi import MPITransport
 from mp2a.transport.trace import TraceTransport
 
-_KEPT = 1 << 20
-"""Bytes of memory that stay from call to call, with the requests that use them. With more samples arithmetic and
-messages take far longer than the interpreter, and hundreds of ranks on a machine need the memory for others."""
+_KEPT = 1 << 30
+"""Bytes of memory that stay from call to call, of a program on all ranks of a machine. With more samples arithmetic
+takes far longer than it takes to get memory and to make requests."""
+
+
+class Given(NamedTuple):
+    """Arguments of a call whose shapes were checked."""
+
+    arrays: Sequence[Array]
+    """Contiguous, ``(T, *shape)`` each."""
+    samples: int
+    """T."""
+    single: bool
+    """Whether results are to be without an axis of samples."""
+    check: Callable[[], None]
+    """Raises if their numbers are not as they should be."""
 
 
 class RankProgram:
-    """Runs a recorded program over a link.
+    """Runs a recorded program over a transport.
 
     Parameters
     ----------
+    name
+        Of the call.
     program
         This rank's part of a method.
-    link
-        Messages of the communicator.
+    transport
+        Of the communicator; counts what this rank sends.
     trace
-        Whether to note when each round began and ended, which takes rounds one by one.
+        Around it, where rounds are to be noted, which takes them one by one.
+    flag
+        What has to be the same on every rank, beside the number of samples.
 
     Attributes
     ----------
-    transport
-        Counts what this rank sends.
-    trace
-        Notes the rounds, if that is asked for.
     compiled
-        The program bound for the number of samples of the last call; None where it is done step by step.
+        The program bound for the number of samples of the last call, if it was kept.
+    samples
+        Of the last call; 0 if its arguments were wrong.
     """
 
-    def __init__(self, program: Program, link: Link, *, trace: bool = False) -> None:
+    def __init__(
+        self,
+        name: str,
+        program: Program,
+        transport: MPITransport,
+        trace: TraceTransport | None = None,
+        *,
+        flag: bool = False,
+    ) -> None:
         self.layout = lay_out(program)
-        self.transport = MPITransport(link)
-        self.trace = TraceTransport(self.transport) if trace else None
+        self.transport, self.flag = transport, flag
         self.compiled: CompiledProgram | None = None
+        self.samples = 0
+        self._name, self._wire = name, trace or transport
+        self._rounds_compiled = trace is None and isinstance(transport.link, MPILink)
 
-    @property
-    def inputs(self) -> Mapping[str, int]:
-        """Values that have to be given, by name."""
-        return self.layout.program.inputs
-
-    def run(self, inputs: Mapping[str, Array], samples: int, tag: int) -> dict[str, Any]:
+    def run(self, arguments: Sequence[Any], read: Callable[..., Given]) -> dict[str, Any]:
         """Run the program; collective.
 
         Parameters
         ----------
-        inputs
-            ``(1, T, width)`` arrays by name.
-        samples
-            T.
-        tag
-            Of all messages, of what has to be the same on every rank.
+        arguments
+            Of the call; such arrays as the last call had are taken as they are. None: only to say what is wrong.
+        read
+            Makes arrays of any others.
 
         Returns
         -------
@@ -71,26 +92,19 @@ class RankProgram:
         Raises
         ------
         Exception
-            What a computation raised here, after all exchanges.
+            What is wrong with the arguments, or what a computation raised here: after all exchanges.
         """
-        self.transport.begin(tag, valid=True)
-        compiled = self._bound(samples, tag)
-        frame = Frame(self.layout, samples) if compiled is None else compiled.frame
-        for name, number in self.inputs.items():
-            frame.store(number, inputs[name])
-        if compiled is not None:
-            compiled.run()
-        else:
-            replay(frame, self.trace or self.transport)
-        if not self.transport.valid:
-            return {}
-        outputs = self.layout.program.outputs
-        return {name: frame.result(x) if isinstance(x, ValueNumber) else x for name, x in outputs.items()}
+        compiled = self.compiled
+        if compiled is not None and arguments and compiled.run(arguments):
+            self.samples = compiled.frame.samples
+            return compiled.results()
+        return self._run(arguments, read)
 
     def fail(self) -> None:
         """Take part in a call of the others with nothing to say; collective."""
+        self.samples = 0
         self.transport.begin(1, valid=False)
-        exchange_only(Frame(self.layout, 1), self.trace or self.transport)
+        exchange_only(Frame(self.layout, 1), self._wire)
 
     def close(self) -> None:
         """Free what is kept for the next call."""
@@ -105,13 +119,55 @@ class RankProgram:
             self.compiled.abandon()
         self.compiled = None
 
-    def _bound(self, samples: int, tag: int) -> CompiledProgram | None:
-        """Bind the program to memory, once for a number of samples; None where it has to be done step by step."""
-        if self.compiled is not None and self.compiled.tag == tag and self.compiled.frame.samples == samples:
+    def _run(self, arguments: Sequence[Any], read: Callable[..., Given]) -> dict[str, Any]:
+        """Run the program with arguments that have to be looked at."""
+        try:
+            given = read(*arguments)
+            compiled = self._bound(given.samples)
+            ready = compiled is not None and compiled.accepts(given.arrays)
+            if not ready:
+                given.check()
+                frame = Frame(self.layout, given.samples)
+        except MPI.Exception:
+            raise
+        except Exception:
+            self.fail()
+            raise
+        self.samples = given.samples
+        if compiled is not None and ready:
+            compiled.run(given.arrays)
+            found = compiled.frame.results(single=given.single)
+        else:
+            self.transport.begin(self._tag(given.samples), valid=True)
+            frame.give(given.arrays)
+            replay(frame, self._wire)
+            found = frame.results(single=given.single) if self.transport.valid else {}
+        if self.layout.size(given.samples) > _kept():
+            self.close()
+        return found
+
+    def _bound(self, samples: int) -> CompiledProgram | None:
+        """Bind the program to memory, once for a number of samples; None where there are no compiled kernels."""
+        if self.compiled is not None and self.compiled.frame.samples == samples:
             return self.compiled
         self.close()
         function = kernels.rounds()
-        fast = isinstance(self.transport.link, MPILink) and self.trace is None
-        if function is not None and fast and self.layout.size(samples) <= _KEPT:
-            self.compiled = CompiledProgram(function, Frame(self.layout, samples), self.transport)
+        tag = self._tag(samples)
+        if function is not None:
+            wire = None if self._rounds_compiled else self._wire
+            self.compiled = CompiledProgram(function, Frame(self.layout, samples), self.transport, tag, wire)
         return self.compiled
+
+    def _tag(self, samples: int) -> int:
+        """Tag of all messages, made of what has to be the same on every rank."""
+        tag, largest = 2 * samples + self.flag, self.transport.largest_tag
+        if tag > largest:
+            raise InputError(
+                f"{self._name}: got {samples} samples, expected at most {largest // 2} a call with this MPI"
+            )
+        return tag
+
+
+def _kept() -> int:
+    info = rank_info()
+    return _KEPT // (info.local_size if info else 1)

@@ -1,6 +1,8 @@
 """One rank's part of a method, noted down: what it computes, sends and receives, in order."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import math
+import sys
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from mp2a.program.operations import NOTHING, Operation, Value, add
@@ -45,16 +47,42 @@ class ValueNumber(int):
     """The number of a value among the inputs of an operation, as told from a constant."""
 
 
+class Argument(NamedTuple):
+    """Numbers that are given when a program runs; a compiled one looks whether they are as they should be."""
+
+    name: str
+    number: int | None
+    """Of the value; None if nobody needs it."""
+    shape: tuple[int, ...]
+    """Of a sample."""
+    bound: float
+    """Numbers beyond it are not for compiled arithmetic."""
+    unit: slice | None
+    """Those that have to have length 1."""
+
+
+class Output(NamedTuple):
+    """A value that is handed out, in the shape in which the caller wants it."""
+
+    value: Any
+    shape: tuple[int, ...]
+    """Of a sample."""
+    columns: slice = slice(None)
+    """Which of the value's numbers."""
+
+
 class Program(NamedTuple):
     """One rank's part of a method, for any number of samples."""
 
     instructions: tuple[Instruction, ...]
     widths: tuple[int, ...]
     """Numbers a sample of each value."""
-    inputs: Mapping[str, int]
-    """Values that have to be given, by name; those alone that are used."""
-    outputs: Mapping[str, Any]
-    """Values that are the result, by name; a constant stays what it is."""
+    arguments: tuple[Argument, ...]
+    """In the order in which they are given."""
+    constants: Mapping[int, Array]
+    """Values that are the same in every call and for all samples, ``(width,)``; those alone that are used."""
+    outputs: Mapping[str, Output]
+    """Results by name."""
 
 
 class MethodRecorder:
@@ -74,17 +102,19 @@ class MethodRecorder:
         self._schedule, self._messages, self._rank = schedule, messages, rank
         self._instructions: list[Instruction] = []
         self._widths: list[int] = []
-        self._inputs: dict[str, int] = {}
+        self._arguments: list[Argument] = []
+        self._constants: dict[int, Array] = {}
 
-    def input(self, name: str, width: int) -> Value:
-        """Return a value that has to be given when the program runs."""
-        value = self._value(width)
-        self._inputs[name] = value.number
+    def input(self, name: str, *shape: int, bound: float = sys.float_info.max, unit: slice | None = None) -> Value:
+        """Return a value that has to be given when the program runs; see `Argument`."""
+        value = self._value(math.prod(shape))
+        self._arguments.append(Argument(name, value.number, shape, bound, unit))
         return value
 
-    def compute(self, function: Callable[..., Any], width: int, *inputs: Value) -> Value:
-        """Note down a function that is not an operation of its own."""
-        value: Value = self.note(Operation(function, width), inputs)
+    def constant(self, numbers: Array) -> Value:
+        """Return a value that is the same in every call and for all samples, ``(width,)``."""
+        value = self._value(len(numbers))
+        self._constants[value.number] = numbers
         return value
 
     def note(self, operation: Operation, inputs: Sequence[Any]) -> Any:
@@ -115,10 +145,13 @@ class MethodRecorder:
         self._instructions.append(Communication(round_, tuple(sends), tuple(receives)))
         return tuple(_sum(values) for values in arrivals.values())
 
-    def program(self, outputs: Mapping[str, Any]) -> Program:
+    def program(self, outputs: Mapping[str, Output]) -> Program:
         """Return what was recorded, without what nobody needs for these outputs."""
-        results = {name: ValueNumber(x.number) if isinstance(x, Value) else x for name, x in outputs.items()}
-        needed: set[int] = {x for x in results.values() if isinstance(x, ValueNumber)}
+        results = {
+            name: x._replace(value=ValueNumber(x.value.number)) if isinstance(x.value, Value) else x
+            for name, x in outputs.items()
+        }
+        needed: set[int] = {x.value for x in results.values() if isinstance(x.value, ValueNumber)}
         kept: list[Instruction] = []
         for instruction in reversed(self._instructions):
             if isinstance(instruction, Communication):
@@ -128,8 +161,9 @@ class MethodRecorder:
             else:
                 needed.update(x for x in instruction.inputs if isinstance(x, ValueNumber))
             kept.append(instruction)
-        inputs = {name: number for name, number in self._inputs.items() if number in needed}
-        return Program(tuple(reversed(kept)), tuple(self._widths), inputs, results)
+        arguments = (x if x.number in needed else x._replace(number=None) for x in self._arguments)
+        constants = {number: row for number, row in self._constants.items() if number in needed}
+        return Program(tuple(reversed(kept)), tuple(self._widths), tuple(arguments), constants, results)
 
     def _value(self, width: int) -> Value:
         self._widths.append(width)

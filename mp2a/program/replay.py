@@ -52,11 +52,7 @@ def exchange(frame: Frame, instruction: Communication, transport: Transport) -> 
 def compute(frame: Frame, instruction: Computation) -> None:
     """Work something out."""
     operation, inputs, outputs = instruction
-    arrays = values_of(frame, inputs)
-    if operation.step is not None:
-        operation.function(*arrays, out=frame.values[outputs[0]])
-        return
-    results = operation.function(*arrays)
+    results = operation.function(*values_of(frame, inputs))
     for number, result in zip(outputs, results if len(outputs) > 1 else (results,), strict=True):
         frame.store(number, result)
 

@@ -1,6 +1,7 @@
 """Messages between processes: one robot a rank."""
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -12,6 +13,18 @@ from mp2a.transport.wait import wait
 
 _INVALID = 0
 _NOTHING = np.empty(0)
+
+
+class Tally:
+    """What is sent again and again, counted by its times."""
+
+    __slots__ = ("doubles", "messages", "times")
+
+    def __init__(self, messages: Iterable[tuple[str, int]]) -> None:
+        sent = list(messages)
+        self.messages = Counter(kind for kind, _ in sent)
+        self.doubles = sum(doubles for _, doubles in sent)
+        self.times = 0
 
 
 class MPITransport:
@@ -28,16 +41,15 @@ class MPITransport:
     ----------
     valid
         Whether this rank's data are still worth something; `begin` sets it.
-    messages, doubles
-        What this rank has really sent so far: messages by kind, and numbers in all.
     """
 
     def __init__(self, link: Link) -> None:
         self.link = link
         self.valid = True
         self.tag = 1
-        self.messages: dict[str, int] = {}
-        self.doubles = 0
+        self._messages: Counter[str] = Counter()
+        self._doubles = 0
+        self._tallies: list[Tally] = []
         self._in_flight: list[MPI.Request] = []
 
     @property
@@ -66,14 +78,47 @@ class MPITransport:
             wait(request)
         self._in_flight = []
 
+    @property
+    def messages(self) -> dict[str, int]:
+        """What this rank has really sent so far, by kind."""
+        self._settle_all()
+        return dict(self._messages)
+
+    @property
+    def doubles(self) -> int:
+        """How many numbers this rank has really sent so far."""
+        self._settle_all()
+        return self._doubles
+
     def count(self, kind: str, doubles: int) -> None:
         """Count a message that was sent."""
-        self.messages[kind] = self.messages.get(kind, 0) + 1
-        self.doubles += doubles
+        self._messages[kind] += 1
+        self._doubles += doubles
+
+    def tally(self, messages: Iterable[tuple[str, int]]) -> Tally:
+        """Return what counts messages that are sent together, kinds and numbers, until it is settled."""
+        self._tallies.append(Tally(messages))
+        return self._tallies[-1]
+
+    def settle(self, tally: Tally) -> None:
+        """Add up what a tally has counted, and let go of it."""
+        self._add(tally)
+        if tally in self._tallies:
+            self._tallies.remove(tally)
 
     def abandon(self) -> None:
         """Forget what is in flight, after a call that was broken off."""
         self._in_flight = []
+
+    def _settle_all(self) -> None:
+        for tally in self._tallies:
+            self._add(tally)
+
+    def _add(self, tally: Tally) -> None:
+        for kind, messages in tally.messages.items() if tally.times else ():
+            self._messages[kind] += messages * tally.times
+        self._doubles += tally.doubles * tally.times
+        tally.times = 0
 
     def _send(self, kind: str, target: int, data: np.ndarray) -> MPI.Request:
         if not self.valid:

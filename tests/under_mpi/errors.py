@@ -9,8 +9,10 @@ from _formation import COMM, RANK, SIZE, Checks, chain_of_all_joints, own_column
 
 import mp2a
 from mp2a.methods import METHODS
+from mp2a.program import rank as rank_program
 from mp2a.program.recorder import Computation
 
+RNEA = "rnea", False, False
 check = Checks()
 
 
@@ -189,24 +191,35 @@ for bad in wrong_ranks:
             whole = mp2a.rnea(model, *model.random_state())
             check(relative_error(formation.rnea(q, v, a), whole[vs], whole) < 1e-12)
 
-# Memory that is not there in the middle of a call of many samples, on one rank.
+# Memory that is not there, on one rank: at the beginning of a call of many samples, and in the middle of one of blocks.
+
+
+def fails(*_, **__):
+    raise MemoryError("none left")
+
+
+blocks = mp2a.Model.random(3 * SIZE)
 for method in METHODS:
     with make(COMM, model, method) as formation:
-        many = model.random_state(4000, body=RANK)
-        program = formation._calls.program("rnea")
-        last = [x for x in program.layout.program.instructions if isinstance(x, Computation)][-1].operation
+        many, frame = model.random_state(4000, body=RANK), rank_program.Frame
         for bad in wrong_ranks:
-            function = last.function
-
-            def fails(*_, **__):
-                raise MemoryError("none left")
-
-            if bad == RANK:
-                last.function = fails
+            formation.rnea(q, v, a)
+            rank_program.Frame = on(bad, lambda *x: fails() if x[1] == 4000 else frame(*x), frame)
             same(mp2a.RankError, [f"rank {bad}: MemoryError: none left"], formation.rnea, *many)
-            last.function = function
-            COMM.Barrier()
+            rank_program.Frame = frame
         check(relative_error(formation.rnea(*many), mp2a.rnea(model, *model.random_state(4000))[:, vs], many[1]) < 1e-9)
+    with make(COMM, blocks, method) as formation:
+        many = [x[:, 3 * RANK : 3 * RANK + 3] for x in blocks.random_state(4000)]
+        program = formation._calls.program(RNEA)
+        steps = [x.operation for x in program.layout.program.instructions if isinstance(x, Computation)]
+        alone = [operation for operation in steps if operation.step is None]
+        for bad in wrong_ranks:
+            for operation in (alone[0], alone[-1]):
+                function, operation.function = operation.function, on(bad, fails, operation.function)
+                same(mp2a.RankError, [f"rank {bad}: MemoryError: none left"], formation.rnea, *many)
+                operation.function = function
+        torque = mp2a.rnea(blocks, *blocks.random_state(4000))
+        check(relative_error(formation.rnea(*many), torque[:, 3 * RANK : 3 * RANK + 3], torque) < 1e-9)
 
 # Another thread, a closed formation, a call that was broken off.
 formation = make(COMM, model, "sweep")
@@ -239,12 +252,12 @@ def interrupted(*_):
     raise KeyboardInterrupt
 
 
-formation._block.inputs = interrupted
+formation._calls.program(RNEA).run = interrupted
 try:
     formation.rnea(q, v, a)
     check(False)
 except KeyboardInterrupt:
-    check(formation._calls.program("rnea").compiled is None)
+    check(formation._calls.program(RNEA).compiled is None)
 try:
     formation.rnea(q, v, a)
     check(False)

@@ -10,13 +10,17 @@ import mp2a
 from mp2a import kernels
 from mp2a.methods import METHODS
 from mp2a.methods.block import Block
-from mp2a.program.rank import RankProgram
+from mp2a.program import rank as rank_program
+from mp2a.program.rank import Given, RankProgram
 from mp2a.transport.link import MPILink
-from mp2a.validation import check_state
+from mp2a.transport.mpi import MPITransport
 
 check = Checks()
 compiled = kernels.status().compiled
 FORMATIONS = [(m, b) for m in METHODS for b in (1, 3) if m != "kogge-stone" or b == 1]
+
+
+RNEA = "rnea", False, False
 
 
 def torques(formation, state):
@@ -24,8 +28,9 @@ def torques(formation, state):
 
 
 def is_compiled(formation):
-    """Whether the rounds of the last call are kept, compiled, for the next one."""
-    return formation._calls.program("rnea").compiled is not None
+    """Whether the last call was one of compiled code, which is kept for the next one."""
+    program = formation._calls.program(RNEA).compiled
+    return program is not None and len(program._pieces) == 1
 
 
 for method, branching in FORMATIONS:
@@ -41,7 +46,7 @@ for method, branching in FORMATIONS:
                 check(np.abs(ours - theirs).max() <= 1e-13 * np.abs(whole).max(), method)
             one, other = recorded.transport, traced.transport
             check((one.messages, one.doubles) == (other.messages, other.doubles))
-            check(not is_compiled(traced))
+            check(not is_compiled(traced) or SIZE == 1)
             check(is_compiled(recorded) == compiled)
         # What a call returns stays as it is when the next one runs.
         first = recorded.rnea(*(part[0] for part in state), bodies=True)
@@ -50,12 +55,31 @@ for method, branching in FORMATIONS:
         recorded.rnea(*(part[1] for part in state), bodies=True)
         check(all(np.array_equal(a, b) for a, b in zip(parts, kept, strict=True)))
 
-# Many samples: nothing is kept.
+# Many samples: compiled as well, and not kept where that would take too much of the machine's memory.
 model = chain_of_all_joints()
 with mp2a.DistributedModel(COMM, model, "sweep") as formation:
-    for samples, kept in ((1, compiled), (5000, compiled and SIZE == 1), (1, compiled)):
-        formation.rnea(*model.random_state(samples, body=RANK))
+    for samples, kept in ((1, compiled), (5000, compiled), (1, compiled)):
+        torque = formation.rnea(*model.random_state(samples, body=RANK))
         check(is_compiled(formation) == kept, samples)
+    limit, rank_program._KEPT = rank_program._KEPT, 1 << 20
+    again = formation.rnea(*model.random_state(samples, body=RANK))
+    check(np.array_equal(torque, again) and is_compiled(formation) == compiled)
+    formation.rnea(*model.random_state(5000, body=RANK))
+    check(not is_compiled(formation))
+    rank_program._KEPT = limit
+
+# An angle beyond what compiled sines are for, on one rank.
+turning = mp2a.Model.uniform(SIZE)
+q, v, a = turning.random_state()
+q[-1] = 3e7
+with mp2a.DistributedModel(COMM, turning, "sweep") as formation:
+    for _ in range(2):
+        own = [np.ascontiguousarray(x[RANK : RANK + 1]) for x in (q, v, a)]
+        check(relative_error(formation.rnea(*own), mp2a.rnea(turning, q, v, a)[RANK], v) < 1e-12)
+        check(
+            relative_error(formation.rnea(own[0] % 1.0, own[1], own[2]), mp2a.rnea(turning, q % 1.0, v, a)[RANK], v)
+            < 1e-12
+        )
 
 # Ranks that run compiled rounds and ranks that cannot understand each other.
 real = kernels.rounds
@@ -90,15 +114,16 @@ for method in METHODS:
 if compiled and SIZE > 1:
     comm = COMM.Dup()
     method = METHODS["sweep"]
-    block = Block(model.body(RANK), RANK, RANK == 0, np.zeros(3))
-    program = RankProgram(block.record(method, method.schedule(SIZE)), MPILink(comm))
-    state = check_state(model.body(RANK), *model.random_state(body=RANK), None)
-    program.run(block.inputs(state, program.inputs), 1, 2)
+    block = Block(model.body(RANK), RANK, RANK == 0, np.zeros(3), axis=False)
+    program = RankProgram("rnea", block.record(method, method.schedule(SIZE)), MPITransport(MPILink(comm)))
+    state = model.random_state(body=RANK)
+    given = Given([x[None] for x in state], 1, True, lambda: None)
+    program.run(state, lambda *_: given)
     steps = program.compiled.steps[program.compiled.steps[:, 0] == kernels.STEPS.index("start")]
     null = ctypes.string_at(MPI._addressof(MPI.REQUEST_NULL), MPI._sizeof(MPI.Request))
     ctypes.memmove(int(steps[0, 2]), null, len(null))
     try:
-        program.run(block.inputs(state, program.inputs), 1, 2)
+        program.run(state, lambda *_: given)
         check(False)
     except MPI.Exception as error:
         check(error.Get_error_class() == MPI.ERR_REQUEST)
