@@ -91,9 +91,9 @@ def test_all_ranks_programs_together_are_the_method(name, n, samples, branching,
         vs = slice(model.v_starts[starts[rank]], model.v_starts[starts[rank + 1]])
         assert close(found["torque"], torque[:, vs], torque)
         bodies = slice(starts[rank], starts[rank + 1])
-        for name in ("velocity", "acceleration", "force"):
-            whole = getattr(scan, name)
-            assert close(found[name].swapaxes(0, 1), whole[bodies], whole)
+        for result in ("velocity", "acceleration", "force"):
+            whole = getattr(scan, result)
+            assert close(found[result].swapaxes(0, 1), whole[bodies], whole)
 
 
 def messages(names):

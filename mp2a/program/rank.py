@@ -97,7 +97,7 @@ class RankProgram:
         compiled = self.compiled
         if compiled is not None and arguments and compiled.run(arguments):
             self.samples = compiled.frame.samples
-            return compiled.results()
+            return compiled.results() if self.transport.valid else {}
         return self._run(arguments, read)
 
     def fail(self) -> None:
@@ -136,12 +136,12 @@ class RankProgram:
         self.samples = given.samples
         if compiled is not None and ready:
             compiled.run(given.arrays)
-            found = compiled.frame.results(single=given.single)
+            frame = compiled.frame
         else:
             self.transport.begin(self._tag(given.samples), valid=True)
             frame.give(given.arrays)
             replay(frame, self._wire)
-            found = frame.results(single=given.single) if self.transport.valid else {}
+        found = frame.results(single=given.single) if self.transport.valid else {}
         if self.layout.size(given.samples) > _kept():
             self.close()
         return found

@@ -10,6 +10,7 @@ from _formation import COMM, RANK, SIZE, Checks, chain_of_all_joints, own_column
 import mp2a
 from mp2a.methods import METHODS
 from mp2a.program import rank as rank_program
+from mp2a.program.memory import Frame
 from mp2a.program.recorder import Computation
 
 RNEA = "rnea", False, False
@@ -198,15 +199,19 @@ def fails(*_, **__):
     raise MemoryError("none left")
 
 
+def no_frame(layout, samples):
+    return fails() if samples == 4000 else Frame(layout, samples)
+
+
 blocks = mp2a.Model.random(3 * SIZE)
 for method in METHODS:
     with make(COMM, model, method) as formation:
-        many, frame = model.random_state(4000, body=RANK), rank_program.Frame
+        many = model.random_state(4000, body=RANK)
         for bad in wrong_ranks:
             formation.rnea(q, v, a)
-            rank_program.Frame = on(bad, lambda *x: fails() if x[1] == 4000 else frame(*x), frame)
+            rank_program.Frame = on(bad, no_frame, Frame)
             same(mp2a.RankError, [f"rank {bad}: MemoryError: none left"], formation.rnea, *many)
-            rank_program.Frame = frame
+            rank_program.Frame = Frame
         check(relative_error(formation.rnea(*many), mp2a.rnea(model, *model.random_state(4000))[:, vs], many[1]) < 1e-9)
     with make(COMM, blocks, method) as formation:
         many = [x[:, 3 * RANK : 3 * RANK + 3] for x in blocks.random_state(4000)]
