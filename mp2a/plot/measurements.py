@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.artist import Artist
 
-from mp2a.bench.contenders import PINOCCHIO
+from mp2a.bench.contenders import ALONE
 from mp2a.exceptions import InputError
 from mp2a.network import EmulatedNetwork
 from mp2a.plot.looks import INK, Look, in_order
@@ -18,7 +18,6 @@ SOURCES = ("measured", "modelled", "extrapolated")
 """Where times come from; measured ones are wall clock."""
 PAPER_ROBOTS = 512
 PAPER_SAMPLES = 2000
-_ALONE = (PINOCCHIO,)  # runs in one process, so it never shares a core with other ranks
 
 
 class Series(NamedTuple):
@@ -76,7 +75,7 @@ def series(results: Mapping[str, Any], source: str, contender: str, grain: str) 
         if not isinstance(seconds, int | float) or not 0 < seconds < np.inf:
             where = f"{source} {contender}, {grain}, n = {run['n']}"
             raise InputError(f"results: got {seconds!r} for {where}, expected seconds above 0")
-        shared = source == "measured" and contender not in _ALONE and bool(run.get("oversubscribed"))
+        shared = source == "measured" and contender not in ALONE and bool(run.get("oversubscribed"))
         rows.append((run["n"], seconds, shared))
     n, times, shares_cores = zip(*rows, strict=True) if rows else ((), (), ())
     return Series(np.array(n, dtype=int), np.array(times, dtype=float), np.array(shares_cores, dtype=bool))
