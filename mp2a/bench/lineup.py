@@ -1,9 +1,7 @@
 """The contenders of a run, ready to be called, and why some of them are left out."""
 
-import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from mp2a.bench.contenders import (
     ALONE,
@@ -18,7 +16,7 @@ from mp2a.bench.contenders import (
     PIPELINE_BLOCKS,
 )
 from mp2a.bench.gather_scatter import GatherScatter
-from mp2a.bench.mpi_scan import MPIScan, build_library, can_double, load_library
+from mp2a.bench.mpi_scan import MPIScan, can_double, obtain_library
 from mp2a.bench.pipeline import Pipeline
 from mp2a.bench.settings import BenchSettings
 from mp2a.distributed import DistributedModel
@@ -28,7 +26,6 @@ from mp2a.model import Model
 from mp2a.mpi import MPI
 from mp2a.reference import Reference
 from mp2a.spatial import Array
-from mp2a.transport.agreement import shared_errors
 from mp2a.transport.link import Link
 
 Call = Callable[[Array, Array, Array], Array]
@@ -112,7 +109,7 @@ def _add_scans(lineup: Lineup, comm: MPI.Intracomm, model: Model, settings: Benc
         lineup.missing.append(f"{MPI_SCAN} is left out: its messages cannot be sent over an emulated network.")
         return
     try:
-        library = _load_on_all(comm)
+        library = obtain_library(comm)
     except DependencyError as error:
         lineup.missing.append(f"{MPI_SCAN} is left out: {error}.")
         return
@@ -123,17 +120,6 @@ def _add_scans(lineup: Lineup, comm: MPI.Intracomm, model: Model, settings: Benc
         lineup.contenders[MPI_SCAN_DOUBLING] = lineup.scans[-1].rnea
     else:
         lineup.missing.append(f"{MPI_SCAN_DOUBLING} is left out: this MPI does not let its users choose how it scans.")
-
-
-def _load_on_all(comm: MPI.Intracomm) -> ctypes.CDLL:
-    """Build on rank 0 and load on all; collective, and so is what it raises."""
-    path: Path | None = None
-    with shared_errors(comm):
-        path = build_library() if comm.Get_rank() == 0 else None
-    path = comm.bcast(path)
-    with shared_errors(comm):
-        library = load_library(path)
-    return library
 
 
 def _add_reference(lineup: Lineup, comm: MPI.Intracomm, model: Model) -> bool:

@@ -17,11 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mp2a.exceptions import DependencyError
+from mp2a.exceptions import DependencyError, InputError
 from mp2a.kernels.library import cache_folders, checksum, find, is_private, processor
 from mp2a.model import Model
 from mp2a.mpi import MPI
 from mp2a.spatial import Array
+from mp2a.transport.agreement import shared_errors
 
 _SOURCE = Path(__file__).with_suffix(".c")
 _FLAGS = ("-O3", "-march=native", "-shared", "-fPIC")
@@ -40,12 +41,14 @@ class MPIScan:
     model
         The whole chain.
     library
-        What `load_library` returned.
+        What `obtain_library` returned.
     doubling
         Have Open MPI scan by recursive doubling.
     """
 
     def __init__(self, comm: MPI.Intracomm, model: Model, library: ctypes.CDLL, *, doubling: bool = False) -> None:
+        if set(model.joints) != {"revolute"}:
+            raise InputError(f"model: got joints {', '.join(sorted(set(model.joints)))}, expected revolute ones alone")
         self._library = library
         body = model.body(comm.Get_rank())
         gravity = body.gravity if comm.Get_rank() == 0 else np.zeros(3)
@@ -60,7 +63,7 @@ class MPIScan:
             gravity,
         )
         constants = np.concatenate([np.ravel(part) for part in parts])
-        with _scans_by_doubling(library) if doubling else nullcontext():
+        with scans_by_doubling(library) if doubling else nullcontext():
             self._formation = library.mp2a_scan_open(MPI._addressof(comm), constants.ctypes.data)
 
     def rnea(self, q: Array, v: Array, a: Array) -> Array:
@@ -78,14 +81,31 @@ class MPIScan:
         self._library.mp2a_scan_close(self._formation)
 
 
-def load_library(path: Path) -> ctypes.CDLL:
-    """Load what `build_library` built.
+def obtain_library(comm: MPI.Intracomm) -> ctypes.CDLL:
+    """Build the library on rank 0, if that was not done yet, and load it on all ranks; collective.
 
     Raises
     ------
     DependencyError
-        If it cannot be loaded, or is of another MPI than mpi4py's.
+        On every rank, if it cannot be built or cannot be loaded on one of them.
     """
+    path: Path | None = None
+    with shared_errors(comm):
+        path = _build() if comm.Get_rank() == 0 else None
+    path = comm.bcast(path)
+    with shared_errors(comm):
+        library = _load(path)
+    return library
+
+
+def can_double(library: ctypes.CDLL) -> bool:
+    """Tell whether this MPI can be told to scan by recursive doubling."""
+    with scans_by_doubling(library) as done:
+        return done
+
+
+def _load(path: Path) -> ctypes.CDLL:
+    """Load the library, unless it is of another MPI than mpi4py's."""
     try:
         library = ctypes.CDLL(str(path))
     except OSError as error:
@@ -102,14 +122,8 @@ def load_library(path: Path) -> ctypes.CDLL:
     return library
 
 
-def can_double(library: ctypes.CDLL) -> bool:
-    """Tell whether this MPI can be told to scan by recursive doubling."""
-    with _scans_by_doubling(library) as done:
-        return done
-
-
 @contextmanager
-def _scans_by_doubling(library: ctypes.CDLL) -> Iterator[bool]:
+def scans_by_doubling(library: ctypes.CDLL) -> Iterator[bool]:
     """Have Open MPI scan by recursive doubling on the communicators made in this block; yields whether it can."""
     values = {variable: ctypes.c_int(value) for variable, value in _DOUBLING.items()}
     done = [variable for variable, value in values.items() if library.mp2a_scan_swap(variable, ctypes.byref(value))]
@@ -120,19 +134,8 @@ def _scans_by_doubling(library: ctypes.CDLL) -> Iterator[bool]:
             library.mp2a_scan_swap(variable, ctypes.byref(values[variable]))
 
 
-def build_library() -> Path:
-    """Compile the C file where that was not done yet.
-
-    Returns
-    -------
-    Path
-        The shared object, in the user's cache folder.
-
-    Raises
-    ------
-    DependencyError
-        If there is no mpicc, or it does not compile.
-    """
+def _build() -> Path:
+    """Compile the C file where that was not done yet, in the first folder where that can be."""
     compiler = _find_compiler()
     made_for = processor(), MPI.Get_library_version(), compiler, *_FLAGS
     stem = f"mpi-scan-{checksum(_SOURCE.read_bytes(), *(word.encode() for word in made_for))}"
