@@ -65,11 +65,7 @@ def make_results(counts=EVERY_N, cores=2, without=(), samples=2000, seed=0):
             "oversubscribed": n > cores,
             "cores": cores,
             "measured": {k: v for k, v in measured.items() if k not in without},
-            "modelled": None
-            if "modelled" in without
-            else modelled
-            if n > 1
-            else {"serial": {"batch": 0.0, "single": 0.0}},
+            "modelled": None if "modelled" in without or n == 1 else modelled,
             "extrapolated": extrapolated,
             "machine": {"processor": "made up", "cores": cores, "kernels": "compiled"},
             "date": "2026-11-22 10:00:00+0000",

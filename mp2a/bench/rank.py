@@ -197,8 +197,8 @@ def _memory(comm: MPI.Intracomm) -> dict[str, Any] | None:
 
 
 def _network(link: Link, settings: BenchSettings, single: dict[str, Timing]) -> cost_model.Network | None:
-    """Constants of eq. 11-13, as given, or measured between ranks 0 and 1 and from the pipeline; None without that."""
-    if PIPELINE not in single:
+    """Constants of eq. 11-13, as given, or measured between ranks 0 and 1 and from the pipeline; None without those."""
+    if PIPELINE not in single or link.comm.Get_size() == 1:
         return None
     small, large = (_ping_pong(link, size) for size in (6, 84_000))
     latency = settings.latency if settings.latency is not None else small

@@ -138,10 +138,13 @@ def _compare(options: argparse.Namespace) -> None:
 
 
 def _show(runs: list[dict[str, Any]], options: argparse.Namespace) -> None:
-    from mp2a.bench.report import bench_notes, bench_tables
+    from mp2a.bench.findings import findings
+    from mp2a.bench.report import bench_notes, bench_tables, latest
     from mp2a.tables import show
 
-    show(bench_tables(runs), [*bench_notes(runs), f"Kept in {options.out}."], options.format)
+    runs = latest(runs)
+    notes = [*findings(runs), *bench_notes(runs), f"Kept in {options.out}."]
+    show(bench_tables(runs), notes, options.format)
 
 
 def _settings(options: argparse.Namespace) -> BenchSettings:

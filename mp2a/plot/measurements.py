@@ -70,8 +70,8 @@ def series(results: Mapping[str, Any], source: str, contender: str, grain: str) 
     for run in runs(results):
         cell = ((run.get(source) or {}).get(contender) or {}).get(grain)
         seconds = cell.get("wall") if isinstance(cell, Mapping) else cell
-        if seconds is None or (source == "modelled" and seconds == 0):
-            continue  # one robot alone sends nothing, and a logarithm has no place for that
+        if seconds is None:
+            continue
         if not isinstance(seconds, int | float) or not 0 < seconds < np.inf:
             where = f"{source} {contender}, {grain}, n = {run['n']}"
             raise InputError(f"results: got {seconds!r} for {where}, expected seconds above 0")
