@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from mp2a.bench.contenders import BASELINES, FAMILIES, LABELS, MPI_SCAN, ONE_PROCESS, PINOCCHIO, PIPELINE, family
 from mp2a.bench.findings import findings
+from mp2a.bench.scaling import scaling_table, scalings
 from mp2a.bench.settings import BenchSettings
 from mp2a.methods import METHODS
 from mp2a.tables import show_ratio, show_seconds
@@ -59,6 +60,24 @@ def test_a_core_a_rank_is_said_and_who_is_missing_is_not_compared():
     said = findings([make_run(2, {"sweep": 1.0})])
     assert said[0] == "One sample at a time on 2 ranks, sweep, our fastest method, takes 1 s."
     assert "a core of its own" in said[-1]
+
+
+@given(st.integers(1, 4), st.lists(st.integers(1, 64), min_size=1, max_size=5, unique=True))
+def test_efficiency_is_one_where_every_rank_is_worth_as_much(bodies, counts):
+    for kind, time in (("bodies", lambda n: 1 / n), ("bodies_per_rank", lambda n: 1.0)):
+        runs = [make_run(n, {"sweep": time(n), ONE_PROCESS: 1.0}) | {kind: bodies} for n in counts]
+        [scaling] = scalings([*runs, make_run(3, {"sweep": 9.0})])  # formations of one body a rank are no part of it
+        assert scaling.weak == (kind == "bodies_per_rank")
+        assert scaling.efficiency("sweep") == pytest.approx(dict.fromkeys(counts, 1.0))
+        assert scaling.efficiency("compact") == {}
+        table = scaling_table(scaling)
+        assert [row[1] for row in table.rows] == sorted(counts)
+        assert [row[4] for row in table.rows] == pytest.approx([1 / time(n) for n in sorted(counts)])
+
+
+def test_time_lost_is_efficiency_lost():
+    runs = [make_run(n, {"sweep": 1.0}) | {"bodies": 100} for n in (1, 2, 4)]
+    assert scalings(runs)[0].efficiency("sweep") == pytest.approx({1: 1.0, 2: 0.5, 4: 0.25})
 
 
 def test_every_baseline_has_a_kind_and_every_method_a_label():

@@ -197,6 +197,24 @@ def test_bench_over_an_emulated_network(tmp_path):
     assert walls["gather-scatter"] >= 0.04
 
 
+def test_bench_of_a_chain_in_blocks(tmp_path):
+    path = tmp_path / "scaling.json"
+    short = ["--repeats", 1, "--seconds", 1, "--methods", "sweep", "--out", path]
+    printed = mp2a("bench", "--ranks", "1,2", "--bodies", 7, *short).stdout
+    assert "strong scaling, 7 bodies: measured" in printed
+    assert "pipeline is left out: it has one body a rank" in printed
+    mp2a("bench", "--ranks", 2, "--bodies-per-rank", 3, "--samples", 4, "--baselines", "mp2a.rnea", *short)
+    *strong, weak = results.load(path)["runs"]
+    assert [(run["n"], run["bodies"], run["samples"]) for run in strong] == [(1, 7, 1), (2, 7, 1)]
+    assert (weak["bodies_per_rank"], weak["samples"], weak["missing"]) == (3, 4, [])
+    assert weak["measured"].keys() == {"sweep", "mp2a.rnea"}
+    for run in (*strong, weak):
+        assert run["methods"]["sweep"]["error"]["relative"] < 1e-12
+        assert run["methods"]["sweep"]["sent"]["messages"] == run["methods"]["sweep"]["messages"]
+    mp2a("plot", "scaling", path)
+    assert (tmp_path / "scaling-scaling.png").stat().st_size > 5000
+
+
 def test_bench_under_mpirun(tmp_path):
     path = tmp_path / "bench.json"
     program = [sys.executable, "-m", "mp2a", "bench", "--samples", "5", "--repeats", "1", "--out", str(path)]

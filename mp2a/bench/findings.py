@@ -66,7 +66,7 @@ def _one_process(run: Run) -> str:
     if ONE_PROCESS not in times:
         return ""
     best = _ours(run)
-    found = f"One process that knows all {run['n']} robots takes {show_seconds(times[ONE_PROCESS])} by mp2a.rnea"
+    found = f"One process that knows everything takes {show_seconds(times[ONE_PROCESS])} by mp2a.rnea"
     if PINOCCHIO in times:
         together = _times(run, "batch")
         ratio = show_ratio(times[PINOCCHIO] / times[ONE_PROCESS])

@@ -83,9 +83,8 @@ def line_up(link: Link, model: Model, settings: BenchSettings, whole: tuple[Arra
     lineup = Lineup(formations, {name: formation.rnea for name, formation in formations.items()})
     wanted = set(settings.baselines)
     if comm.Get_size() < len(model):
-        unfit = [name for name in _ONE_EACH if name in wanted]
-        lineup.missing += [f"{name} is left out: it has one body a rank." for name in unfit]
-        wanted -= set(unfit)
+        lineup.missing += [f"{name} is left out: it has one body a rank." for name in _ONE_EACH if name in wanted]
+        wanted -= set(_ONE_EACH)
     if MPI_SCAN in wanted:
         _add_scans(lineup, comm, model, settings)
     if PIPELINE in wanted:
@@ -129,7 +128,7 @@ def _add_reference(lineup: Lineup, comm: MPI.Intracomm, model: Model) -> bool:
         try:
             lineup.reference = Reference(model)
         except DependencyError as found:
-            error = f"pinocchio is left out, and so is {GATHER_SCATTER}: {found}."
+            error = f"pinocchio is left out, and {GATHER_SCATTER}, which computes with it: {found}."
     error = comm.bcast(error)
     lineup.missing += [error] if error else []
     return error is None

@@ -5,6 +5,7 @@ from typing import Any
 
 from mp2a.bench.contenders import BASELINES, LABELS
 from mp2a.bench.machine import machine_line
+from mp2a.bench.scaling import scaling_table, scalings
 from mp2a.exceptions import InputError
 from mp2a.tables import Column, Spread, Table, show_ratio, show_seconds
 
@@ -42,9 +43,10 @@ def bench_tables(runs: list[Run]) -> list[Table]:
     Returns
     -------
     list of Table
-        What is sent and how exact it is, what was measured, what that extrapolates to, and what the paper's model says.
+        What is sent and how exact it is, what was measured, how chains in blocks scale, what the times extrapolate to,
+        and what the paper's model says.
     """
-    tables = [_messages(runs), _times(runs), _extrapolated(runs)]
+    tables = [_messages(runs), _times(runs), *map(scaling_table, scalings(runs)), _extrapolated(runs)]
     return [*tables, _modelled(runs)] if any(run["modelled"] for run in runs) else tables
 
 
@@ -67,7 +69,8 @@ def bench_notes(runs: list[Run]) -> list[str]:
         for run in runs
         if "kept" in run
     ]
-    out += dict.fromkeys(reason for run in runs for reason in run["missing"])
+    # The same is missing for the same reason in all runs, in which only figures differ.
+    out += {reason.partition(":")[0]: reason for run in runs for reason in run["missing"]}.values()
     against = {facts["error"]["against"] for run in runs for facts in run["methods"].values()}
     out.append(f"Error: largest difference from {' or '.join(sorted(against))} over the largest torque.")
     return out + [f"Measured on {line}." for line in sorted({machine_line(run["machine"]) for run in runs[-1:]})]

@@ -16,6 +16,7 @@ GRAINS = ("batch", "single")
 """Whether all samples travel in each message, or one at a time."""
 SOURCES = ("measured", "modelled", "extrapolated")
 """Where times come from; measured ones are wall clock."""
+_ALIKE = ("emulated", "samples", "bodies", "bodies_per_rank")
 PAPER_ROBOTS = 512
 PAPER_SAMPLES = 2000
 
@@ -31,7 +32,8 @@ class Series(NamedTuple):
 def runs(results: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Return the runs by rising number of robots, of several for one number the last.
 
-    Only those with as many samples as the last run of the file, and over the same network, are among them.
+    Only those with as many samples as the last run of the file, over the same network and of chains cut in the same
+    way, are among them.
 
     Raises
     ------
@@ -48,7 +50,7 @@ def runs(results: Mapping[str, Any]) -> list[Mapping[str, Any]]:
             if not isinstance(number, int) or number < 1:
                 raise InputError(f"results: got a run with {key} = {number!r}, expected at least 1 of its {what}")
     last = everything[-1]
-    alike = [run for run in everything if all(run.get(key) == last.get(key) for key in ("emulated", "samples"))]
+    alike = [run for run in everything if all(run.get(key) == last.get(key) for key in _ALIKE)]
     return [run for _, run in sorted({run["n"]: run for run in alike}.items())]
 
 
