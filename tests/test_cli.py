@@ -244,7 +244,8 @@ def test_a_full_disk_under_mpirun(tmp_path):
 
 def test_trace_and_its_timeline(tmp_path):
     path = tmp_path / "trace.json"
-    mp2a("trace", "--ranks", 2, "--samples", 3, "--method", "sweep", "--out", path)
+    printed = mp2a("trace", "--ranks", 2, "--samples", 3, "--method", "sweep", "--out", path).stdout
+    assert "load balance" in printed
     about = json.loads(path.read_text())["mp2a"]
     assert about.pop("machine")["cores"] >= 1
     assert about == {"n": 2, "samples": 3, "method": "sweep"}
@@ -300,6 +301,9 @@ def test_help_has_examples(command):
         (["bench", "--ranks", "2", "--methods", "magic"], "got 'magic', expected one of"),
         (["bench", "--compare", "nothing.json", "none.json"], "nothing.json cannot be read"),
         (["bench", "--compare", "a.json", "b.json", "--ranks", "2"], "--compare: given with --ranks"),
+        (["bench", "--baselines", "pipeline,magic"], "--baselines: got magic, expected some of MPI_Scan,pipeline"),
+        (["bench", "--ranks", "2,8", "--bodies", "7"], "--bodies: got 7, expected at least the 8 of --ranks"),
+        (["bench", "--bodies", "7", "--bodies-per-rank", "7"], "not allowed with argument"),
         (["bench", "--network", "fast"], "expected latency and bandwidth"),
         (["bench", "--latency", "-1"], "expected a positive number"),
         (["plot", "time", "nothing.json"], "nothing.json cannot be read"),

@@ -20,7 +20,7 @@ METHOD = METHODS["kogge-stone"]
 
 
 def make_trace(n, work, latency=0, late=0):
-    """A trace of ranks that compute for ``work(rank, k)`` ns before their k-th exchange, and after the last one."""
+    """A trace of ranks that compute for ``work(rank, k)`` ns before their k-th exchange; a rank alone, once."""
     schedule = METHOD.schedule(n)
     clock = [rank * late for rank in range(n)]
     began, rounds = list(clock), [[] for _ in range(n)]
@@ -32,7 +32,7 @@ def make_trace(n, work, latency=0, late=0):
                 clock[t] = max(clock[t], posted[s] + latency)
         for rank in range(n):
             rounds[rank].append(RoundTiming(round_.recurrence, round_.index, posted[rank], clock[rank]))
-    ranks = [RankTiming(began[r], rounds[r], clock[r] + work(r, len(schedule.rounds))) for r in range(n)]
+    ranks = [RankTiming(began[r], rounds[r], clock[r] + work(r, 0)) for r in range(n)]
     about = {"n": n, "samples": 3, "method": "kogge-stone"}
     return {"traceEvents": trace_events(schedule, METHOD.doubles, ranks, 3), "mp2a": about}
 

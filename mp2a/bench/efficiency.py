@@ -20,7 +20,7 @@ from mp2a.tables import Column, Table, show_seconds
 
 NOTE = (
     "Factors as POP defines them (https://pop-coe.eu). Computing is wall time outside exchanges, of a program that is "
-    "interpreted while it is traced; where ranks share cores, waits for a core are in it."
+    "interpreted while it is traced, up to the last round; where ranks share cores, waits for a core are in it."
 )
 """What to know of the figures of a trace."""
 

@@ -30,6 +30,8 @@ class RankTiming(NamedTuple):
     rounds: list[RoundTiming]
     """In order."""
     ended: int
+    """When the call was over. What lies behind the last round, own torque, sends that end and ranks that agree, cannot
+    be told apart and is left out of a trace."""
 
 
 def trace_call(samples: int, seed: int, method: str) -> dict[str, Any] | None:
@@ -106,10 +108,10 @@ def trace_events(
 
 
 def _spans(number: int, rank: RankTiming, origin: int) -> list[dict[str, Any]]:
-    """Compute and exchange in turn, from the beginning of the call to its end."""
+    """Compute and exchange in turn, from the beginning of the call to its last round."""
     if not rank.rounds:
         return [_span(number, "alone", "compute", RoundTiming("alone", 0, 0, 0), rank.began, rank.ended, origin)]
-    first, last = rank.rounds[0], rank.rounds[-1]
+    first = rank.rounds[0]
     out = [_span(number, f"{first.recurrence}: leaf", "compute", first, rank.began, first.posted, origin)]
     for event, after in zip(rank.rounds, [*rank.rounds[1:], None], strict=True):
         name = f"{event.recurrence} round {event.round}"
@@ -117,7 +119,7 @@ def _spans(number: int, rank: RankTiming, origin: int) -> list[dict[str, Any]]:
         if after is not None:
             label = f"{name}: join" if after.recurrence == event.recurrence else f"{after.recurrence}: leaf"
             out.append(_span(number, label, "compute", after, event.done, after.posted, origin))
-    return [*out, _span(number, f"{last.recurrence}: torque", "compute", last, last.done, rank.ended, origin)]
+    return out
 
 
 def _span(rank: int, name: str, category: str, event: RoundTiming, start: int, end: int, origin: int) -> dict[str, Any]:
