@@ -189,8 +189,9 @@ Formation *mp2a_scan_open(MPI_Comm *comm, const Body *body) {
     return self;
 }
 
-/* Collective: torques from q, v and a of this rank's joint, all of as many samples; 0, or MPI's error. */
-int mp2a_scan_rnea(Formation *self, int samples, const double *q, const double *v, const double *a, double *torque) {
+/* Collective: torques from q, v and a of this rank's joint, all of as many samples; 0, or MPI's error. Each is given by
+   the address of the pointer to its numbers, which an array of numpy has at hand. */
+int mp2a_scan_rnea(Formation *self, int samples, double **q, double **v, double **a, double **torque) {
     if (samples > self->capacity) {
         free(self->segments);
         free(self->forces);
@@ -199,11 +200,11 @@ int mp2a_scan_rnea(Formation *self, int samples, const double *q, const double *
         self->capacity = samples;
     }
     Segment *path = self->segments;
-    for (int k = 0; k < samples; k++) path[k] = joint_segment(&self->body, q[k], v[k], a[k]);
+    for (int k = 0; k < samples; k++) path[k] = joint_segment(&self->body, (*q)[k], (*v)[k], (*a)[k]);
     int error = MPI_Scan(MPI_IN_PLACE, path, samples, self->segment, self->compose, self->outwards);
     for (int k = 0; k < samples; k++) body_force(&self->body, path + k, self->forces[k]);
     error |= MPI_Scan(MPI_IN_PLACE, self->forces, 6 * samples, MPI_DOUBLE, MPI_SUM, self->inwards);
-    for (int k = 0; k < samples; k++) torque[k] = joint_torque(&self->body, path + k, self->forces[k]);
+    for (int k = 0; k < samples; k++) (*torque)[k] = joint_torque(&self->body, path + k, self->forces[k]);
     return error;
 }
 

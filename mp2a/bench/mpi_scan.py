@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from mp2a.exceptions import DependencyError, InputError
+from mp2a.kernels import pointer
 from mp2a.kernels.library import cache_folders, checksum, find, is_private, processor
 from mp2a.model import Model
 from mp2a.mpi import MPI
@@ -49,7 +50,7 @@ class MPIScan:
     def __init__(self, comm: MPI.Intracomm, model: Model, library: ctypes.CDLL, *, doubling: bool = False) -> None:
         if set(model.joints) != {"revolute"}:
             raise InputError(f"model: got joints {', '.join(sorted(set(model.joints)))}, expected revolute ones alone")
-        self._library = library
+        self._library, self._rnea = library, library.mp2a_scan_rnea
         body = model.body(comm.Get_rank())
         gravity = body.gravity if comm.Get_rank() == 0 else np.zeros(3)
         mass, com = body.masses[0], body.coms[0]
@@ -69,9 +70,7 @@ class MPIScan:
     def rnea(self, q: Array, v: Array, a: Array) -> Array:
         """Torque ``(T, 1)`` of this rank's joint from its own q, v and a, ``(T, 1)`` and contiguous; collective."""
         torque = np.empty_like(v)
-        error = self._library.mp2a_scan_rnea(
-            self._formation, len(q), q.ctypes.data, v.ctypes.data, a.ctypes.data, torque.ctypes.data
-        )
+        error = self._rnea(self._formation, len(q), pointer(q), pointer(v), pointer(a), pointer(torque))
         if error:
             raise MPI.Exception(error)
         return torque
