@@ -11,9 +11,11 @@ $(VENV)/.installed: pyproject.toml
 	touch $@
 
 bench: $(VENV)/.installed
-	$(BIN)/mp2a bench --ranks 8 --out results/bench.json
+	$(BIN)/mp2a bench --ranks 1,2,4,8,16 --seconds 3 --out results/bench.json
+	$(BIN)/mp2a bench --ranks 8,16 --samples 1 --network 5ms,54Mbit --seconds 3 --out results/radio.json
 	$(BIN)/mp2a plot time results/bench.json --out results/time.png
 	$(BIN)/mp2a plot speedup results/bench.json --out results/speedup.png
+	$(BIN)/mp2a plot latency results/radio.json --out results/radio.png
 	$(BIN)/mp2a trace --ranks 8 --out results/trace.json
 	$(BIN)/mp2a plot timeline results/trace.json --out results/timeline.png
 

@@ -239,7 +239,7 @@ def test_ranks_load_without_numba(cache):
 
 @builds
 def test_other_processor_gets_its_own(cache):
-    code = "from mp2a.kernels import library; library._processor = lambda: 'another'; print(0, library._purpose())"
+    code = "from mp2a.kernels import library; library.processor = lambda: 'another'; print(0, library._purpose())"
     _, purpose = report(start(cache, code))
     assert not list(cache.glob(f"mp2a/*{purpose}*"))
 

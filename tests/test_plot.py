@@ -17,7 +17,7 @@ from numpy.testing import assert_allclose
 from mp2a.cli import main
 from mp2a.cost_model import amdahl, karp_flatt
 from mp2a.exceptions import InputError, OutputError
-from mp2a.plot import latency_figure, save_figure, speedup_figure, time_figure, timeline_figure
+from mp2a.plot import latency_figure, save_figure, scaling_figure, speedup_figure, time_figure, timeline_figure
 from mp2a.plot.measurements import GRAINS, contenders, runs, series
 from mp2a.plot.speedup import PARALLEL_PARTS, speedups
 from mp2a.plot.style import spread
@@ -49,6 +49,9 @@ def make_results(counts=EVERY_N, cores=2, without=(), samples=2000, seed=0):
             "pipeline, blocks": cell(2e-6 * n, 61e-6 * n * (1 + 0.5 * (n > cores))),
             "gather-scatter, tree": cell(1e-6 + 0.9e-6 * n, 50e-6 + 6e-6 * n),
             "gather-scatter": cell(1e-6 + 0.9e-6 * n, 30e-6 + 6e-6 * n),
+            "MPI_Scan": cell(2e-6 * crowd, 2e-6 + 1e-6 * n * crowd),
+            "MPI_Scan, doubling": cell(3e-6 * crowd, 2e-6 + 1e-6 * rounds * crowd),
+            "mp2a.rnea": cell(0.006e-6 * n, 9e-6 + 0.1e-6 * n),
             "pinocchio": cell(0.11e-6 * n + 0.4e-6, 0.12e-6 * n + 0.6e-6) if n < 512 else None,
         }
         modelled = {
@@ -65,11 +68,7 @@ def make_results(counts=EVERY_N, cores=2, without=(), samples=2000, seed=0):
             "oversubscribed": n > cores,
             "cores": cores,
             "measured": {k: v for k, v in measured.items() if k not in without},
-            "modelled": None
-            if "modelled" in without
-            else modelled
-            if n > 1
-            else {"serial": {"batch": 0.0, "single": 0.0}},
+            "modelled": None if "modelled" in without or n == 1 else modelled,
             "extrapolated": extrapolated,
             "machine": {"processor": "made up", "cores": cores, "kernels": "compiled"},
             "date": "2026-11-22 10:00:00+0000",
@@ -79,6 +78,20 @@ def make_results(counts=EVERY_N, cores=2, without=(), samples=2000, seed=0):
         out.append(run)
     results = {"format": 2, "runs": out}
     return json.loads(json.dumps(results))
+
+
+def make_scaling(counts=(1, 2, 4), kinds=("bodies", "bodies_per_rank"), bodies=1000):
+    """Results of chains in blocks; half of what a rank does is done by all others as well."""
+    out = []
+    for kind in kinds:
+        for n in counts:
+            work = 1e-3 * (1 if kind == "bodies" else n)
+            walls = {"sweep": work * (0.5 + 0.5 / n), "compact": 1.3 * work, "mp2a.rnea": 0.8 * work}
+            measured = {name: {"single": {"wall": wall, "walls": [wall]}} for name, wall in walls.items()}
+            about = {"n": n, "samples": 1, "emulated": None, "oversubscribed": n > 2, "cores": 2, kind: bodies}
+            machine = {"processor": "made up", "cores": 2, "kernels": "compiled"}
+            out.append(about | {"measured": measured, "machine": machine, "date": "2026-11-22 10:00:00+0000"})
+    return {"format": 2, "runs": out}
 
 
 def make_trace(n, samples=2000, seed=0, method="kogge-stone"):
@@ -327,6 +340,8 @@ FIGURES = {
     "latencies": lambda: latency_figure(make_latencies((0.001, 0.005, 0.02), (8, 16, 512))),
     "latencies of one n": lambda: latency_figure(make_latencies((0.001, 0.005, 0.02), (8,))),
     "timeline": lambda: timeline_figure(make_trace(8)),
+    "scaling": lambda: scaling_figure(make_scaling()),
+    "strong scaling": lambda: scaling_figure(make_scaling((1, 2), ["bodies"], 100_000)),
 }
 
 
@@ -344,6 +359,23 @@ def test_the_axis_of_robots_ends_where_the_data_end(counts):
             ticks = [float(tick) for tick in axes.get_xticks()]
             assert set(ticks) <= set(counts) and counts[-1] in ticks
             assert ("paper" in {str(line.get_gid()).split()[0] for line in axes.lines}) == (512 in counts)
+
+
+def test_scaling_curves_are_the_results_beside_the_ideal():
+    results = make_scaling()
+    strong, weak = scaling_figure(results).axes
+    for axes, runs_of, ideal in (
+        (strong, results["runs"][:3], [1, 1 / 2, 1 / 4]),
+        (weak, results["runs"][3:], [1, 1, 1]),
+    ):
+        drawn = {line.get_gid(): line for line in axes.lines if line.get_gid()}
+        for name in ("sweep", "compact", "mp2a.rnea"):
+            walls = [run["measured"][name]["single"]["wall"] for run in runs_of]
+            assert_allclose(drawn[name].get_ydata(), walls)
+        assert_allclose(drawn["ideal"].get_ydata(), 1e-3 * np.array(ideal))
+    for file in (make_results(), {"runs": []}):
+        with pytest.raises(InputError, match="expected some of mp2a bench --bodies"):
+            scaling_figure(file)
 
 
 def test_one_number_of_robots_gives_a_row_for_each_curve_with_its_value():

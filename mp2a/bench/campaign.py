@@ -124,7 +124,8 @@ def _measure(n: int, settings: BenchSettings, say: Callable[[str], None]) -> dic
 def _arguments(settings: BenchSettings) -> list[str]:
     """Spell settings as options of ``mp2a bench``."""
     spelled = {name: value for name, value in settings._asdict().items() if value is not None}
-    spelled["methods"] = ",".join(settings.methods)
+    for name in ("methods", "baselines"):
+        spelled[name] = ",".join(getattr(settings, name))
     if settings.network is not None:
         spelled["network"] = f"{settings.network.latency!r}s,{settings.network.bandwidth!r}bit"
     return [word for name, value in spelled.items() for word in (f"--{name.replace('_', '-')}", str(value))]

@@ -11,15 +11,8 @@ from typing import Any
 import numpy as np
 
 from mp2a import cost_model
-from mp2a.bench.contenders import (
-    BLOCKS,
-    GATHER_SCATTER,
-    GATHER_SCATTER_TREE,
-    PINOCCHIO,
-    PIPELINE,
-    PIPELINE_BLOCKS,
-)
-from mp2a.bench.gather_scatter import GatherScatter
+from mp2a.bench.contenders import PIPELINE
+from mp2a.bench.lineup import line_up
 from mp2a.bench.machine import describe_machine, kernels_in_use
 from mp2a.bench.pipeline import Pipeline
 from mp2a.bench.settings import STARTED, BenchSettings
@@ -28,15 +21,17 @@ from mp2a.cores import is_oversubscribed, usable_cores
 from mp2a.distributed import DistributedModel
 from mp2a.dynamics import rnea
 from mp2a.exceptions import DependencyError
-from mp2a.methods import METHODS
+from mp2a.methods import METHODS, block
 from mp2a.model import Model
 from mp2a.mpi import MPI
 from mp2a.reference import Reference
 from mp2a.spatial import Array
+from mp2a.transport.agreement import shared_errors
 from mp2a.transport.link import Link, make_link, measure_latency
 from mp2a.transport.wait import wait
 
 _QUIET = 1.0
+_ROUNDING = 1e-9
 
 
 def measure_run(settings: BenchSettings, report: Callable[[str], None]) -> dict[str, Any] | None:
@@ -61,44 +56,33 @@ def measure_run(settings: BenchSettings, report: Callable[[str], None]) -> dict[
     barrier(comm)
     up = time.time()
     say("chain")
-    model = Model.random(n, settings.seed)
-    batch = model.random_state(settings.samples, settings.seed, body=rank)
-    network = settings.network
-    formations = {name: DistributedModel(comm, model, name, network=network) for name in settings.methods}
-    reference, missing = _reference(model) if rank == 0 else (None, None)
-    pinocchio_fits = comm.bcast(reference is not None)
-
-    link = make_link(comm, network)
-    pipeline = Pipeline(link, model)
-    contenders: dict[str, Callable[..., Array]] = {name: f.rnea for name, f in formations.items()}
-    contenders |= {PIPELINE: pipeline.rnea, PIPELINE_BLOCKS: Pipeline(link, model, BLOCKS).rnea}
-    if pinocchio_fits:
-        contenders[GATHER_SCATTER] = GatherScatter(link, model, reference).rnea
-        contenders[GATHER_SCATTER_TREE] = GatherScatter(link, model, reference, tree=True).rnea
-        contenders[PINOCCHIO] = _alone(model, reference, settings)
+    model = Model.random(settings.chain_length(n), settings.seed)
+    whole = _random_state(model, settings) if rank == 0 else None
+    link = make_link(comm, settings.network)
+    lineup = line_up(link, model, settings, whole)
+    batch = _own_part(comm, whole, next(iter(lineup.formations.values())).v_columns)
     methods = {}
-    for name, formation in formations.items():
+    for name, call in lineup.distributed.items():
         say(f"checking {name}")
-        torque = contenders[name](*batch)
-        methods[name] = {
-            **_counted(formation),
-            "sent": _sent(comm, formation, settings.samples),
-            "error": _error(comm, model, settings, reference, torque),
-        }
+        error = _check(comm, name, model, call(*batch), lineup.reference, whole)
+        if name in lineup.formations:
+            formation = lineup.formations[name]
+            methods[name] = {**_counted(formation), "sent": _sent(comm, formation, settings.samples), "error": error}
     trim_memory()
     memory, used = _memory(comm), _kernels(comm)
-    measured, hops = {}, {}
+    measured: dict[str, dict[str, Timing]] = {}
+    hops = {}
     sizes = {"batch": batch, "single": tuple(part[:SINGLES] for part in batch)}
     if settings.samples == 1:
         del sizes["batch"]
     for size, state in sizes.items():
-        before = np.array([pipeline.alone, pipeline.hopping, pipeline.samples])
-        measured[size] = time_in_turn(comm, contenders, state, settings, say, single=size == "single")
-        hops[size] = _pipeline_alone(comm, np.array([pipeline.alone, pipeline.hopping, pipeline.samples]) - before)
+        before = _spent(lineup.pipeline)
+        measured[size] = time_in_turn(comm, lineup.contenders, state, settings, say, single=size == "single")
+        if lineup.pipeline is not None:
+            hops[size] = _pipeline_alone(comm, _spent(lineup.pipeline) - before)
     say("network")
-    constants = _network(link, settings, measured)
-    for formation in formations.values():
-        formation.close()
+    constants = _network(link, settings, measured["single"])
+    lineup.close()
     if rank:
         return None
     began = os.environ.get(STARTED)
@@ -111,28 +95,37 @@ def measure_run(settings: BenchSettings, report: Callable[[str], None]) -> dict[
         "oversubscribed": is_oversubscribed(),
         "started_s": up - float(began) if began else None,
         "memory": memory,
-        "missing": missing,
+        "missing": lineup.missing,
         "methods": methods,
-        "measured": {name: {size: values[name].summary() for size, values in measured.items()} for name in contenders},
-        "extrapolated": _extrapolated(settings, measured) | {PIPELINE: hops},
-        "modelled": _modelled(n, settings, constants),
-        "constants": constants._asdict(),
+        "measured": {
+            name: {size: values[name].summary() for size, values in measured.items()} for name in lineup.contenders
+        },
+        "extrapolated": _extrapolated(settings, measured) | ({PIPELINE: hops} if hops else {}),
+        "modelled": None if constants is None else _modelled(n, settings, constants),
+        "constants": None if constants is None else constants._asdict(),
     }
 
 
-def _reference(model: Model) -> tuple[Reference | None, str | None]:
-    try:
-        return Reference(model), None
-    except DependencyError as error:
-        return None, str(error)
+def _random_state(model: Model, settings: BenchSettings) -> tuple[Array, ...]:
+    """q, v and a of a whole chain of revolute joints; faster than `Model.random_state`, which goes body by body."""
+    rng, shape = np.random.default_rng(settings.seed), (settings.samples, model.nv)
+    v, a = rng.normal(size=(2, *shape)) / np.sqrt(len(model))
+    return rng.uniform(-np.pi, np.pi, shape), v, a
 
 
-def _alone(model: Model, reference: Reference | None, settings: BenchSettings) -> Callable[..., Array]:
-    """Time pinocchio's serial loop on rank 0, which knows all; the other ranks do nothing."""
-    if reference is None:
-        return lambda q, v, a: q
-    whole = model.random_state(settings.samples, settings.seed)
-    return lambda q, v, a: reference.torque(*(part[: len(q)] for part in whole))
+def _own_part(comm: MPI.Intracomm, whole: tuple[Array, ...] | None, columns: slice) -> tuple[Array, ...]:
+    """Hand every rank the state of its own joints, which rank 0 has; collective."""
+    wanted = comm.gather(columns)
+    parts = None
+    if whole is not None and wanted is not None:
+        parts = [tuple(np.ascontiguousarray(part[:, own]) for part in whole) for own in wanted]
+    own: tuple[Array, ...] = comm.scatter(parts)
+    return own
+
+
+def _spent(pipeline: Pipeline | None) -> Array:
+    """Processor seconds of the pipeline so far, alone and hopping, and its samples."""
+    return np.array([pipeline.alone, pipeline.hopping, pipeline.samples]) if pipeline is not None else np.zeros(3)
 
 
 def _pipeline_alone(comm: MPI.Intracomm, spent: Array) -> float:
@@ -147,23 +140,32 @@ def _pipeline_alone(comm: MPI.Intracomm, spent: Array) -> float:
     return float(most[0] + total[1])
 
 
-def _error(
-    comm: MPI.Intracomm, model: Model, settings: BenchSettings, reference: Reference | None, torque: Array
+def _check(
+    comm: MPI.Intracomm,
+    name: str,
+    model: Model,
+    torque: Array,
+    reference: Reference | None,
+    whole: tuple[Array, ...] | None,
 ) -> dict[str, Any] | None:
-    """Largest error of all robots' torques over the largest torque, on rank 0."""
+    """Largest error of all torques over the largest torque, on rank 0; raises on all if that is no rounding."""
     columns = comm.gather(torque[:SINGLES])
-    if columns is None:
-        return None
-    whole = tuple(part[:SINGLES] for part in model.random_state(settings.samples, settings.seed))
-    ours = np.concatenate(columns, axis=1)
-    against = "pinocchio" if reference is not None else "mp2a serial"
-    theirs = reference.torque(*whole) if reference is not None else rnea(model, *whole)
-    return {"relative": float(np.abs(ours - theirs).max() / np.abs(theirs).max()), "against": against}
+    error = None
+    with shared_errors(comm):
+        if columns is not None and whole is not None:
+            state = tuple(part[:SINGLES] for part in whole)
+            theirs = reference.torque(*state) if reference is not None else rnea(model, *state)
+            against = "pinocchio" if reference is not None else "mp2a.rnea"
+            relative = float(np.abs(np.concatenate(columns, axis=1) - theirs).max() / np.abs(theirs).max())
+            if not relative < _ROUNDING:
+                raise DependencyError(f"{name}: its torques differ from {against}'s by {relative:.0e} of the largest")
+            error = {"relative": relative, "against": against}
+    return error
 
 
 def _counted(formation: DistributedModel) -> dict[str, int]:
     """Count rounds, messages and bytes of a sample as the schedule says."""
-    count = formation.schedule.count(METHODS[formation.method].doubles)
+    count = formation.schedule.count({**block.DOUBLES, **METHODS[formation.method].doubles})
     return {"rounds": count.rounds, "messages": count.total, "bytes": 8 * count.doubles}
 
 
@@ -205,12 +207,14 @@ def _memory(comm: MPI.Intracomm) -> dict[str, Any] | None:
     }
 
 
-def _network(link: Link, settings: BenchSettings, measured: dict[str, dict[str, Timing]]) -> cost_model.Network:
-    """Constants of eq. 11-13: as given, or measured between ranks 0 and 1 and from the pipeline."""
+def _network(link: Link, settings: BenchSettings, single: dict[str, Timing]) -> cost_model.Network | None:
+    """Constants of eq. 11-13, as given, or measured between ranks 0 and 1 and from the pipeline; None without those."""
+    if PIPELINE not in single or link.comm.Get_size() == 1:
+        return None
     small, large = (_ping_pong(link, size) for size in (6, 84_000))
     latency = settings.latency if settings.latency is not None else small
     speed = settings.speed if settings.speed is not None else 64 * 84_000 / max(large - small, 1e-9)
-    hops = statistics.median(measured["single"][PIPELINE].wall)
+    hops = statistics.median(single[PIPELINE].wall)
     serial = settings.serial_time if settings.serial_time is not None else hops * settings.samples
     return cost_model.Network(serial, latency, speed, settings.bits)
 

@@ -5,6 +5,7 @@ from typing import Any
 
 from mp2a.bench.contenders import BASELINES, LABELS
 from mp2a.bench.machine import machine_line
+from mp2a.bench.scaling import scaling_table, scalings
 from mp2a.exceptions import InputError
 from mp2a.tables import Column, Spread, Table, show_ratio, show_seconds
 
@@ -12,24 +13,14 @@ Run = dict[str, Any]
 
 _SIZES = {"batch": "samples in one message", "single": "one sample at a time"}
 _MODELLED = {
-    "kogge-stone": "kogge-stone, eq. 13",
-    "kogge-stone, table I": "kogge-stone, eq. 13, Table I",
-    "serial": "messages of the pipeline",
+    "kogge-stone": "kogge-stone",
+    "kogge-stone, table I": "kogge-stone, Table I",
+    "serial": "pipeline's messages",
 }
 
 
-def bench_tables(runs: list[Run]) -> list[Table]:
-    """Make the tables of runs with the same settings, of several with one n of the last.
-
-    Parameters
-    ----------
-    runs
-        Of a results file, with the key ``"kept"`` if they were not made now.
-
-    Returns
-    -------
-    list of Table
-        What is sent and how exact it is, what was measured, and what was not.
+def latest(runs: list[Run]) -> list[Run]:
+    """Return runs by rising n, of several for one n the last.
 
     Raises
     ------
@@ -38,28 +29,48 @@ def bench_tables(runs: list[Run]) -> list[Table]:
     """
     if not runs:
         raise InputError("results: got no run, expected at least one")
-    latest = sorted({run["n"]: run for run in runs}.values(), key=lambda run: int(run["n"]))
-    return [_messages(latest), *(_marked(table(latest), latest) for table in (_times, _not_measured))]
+    return sorted({run["n"]: run for run in runs}.values(), key=lambda run: int(run["n"]))
+
+
+def bench_tables(runs: list[Run]) -> list[Table]:
+    """Make the tables of runs with the same settings.
+
+    Parameters
+    ----------
+    runs
+        One for each n, rising, with the key ``"kept"`` if they were not made now.
+
+    Returns
+    -------
+    list of Table
+        What is sent and how exact it is, what was measured, how chains in blocks scale, what the times extrapolate to,
+        and what the paper's model says.
+    """
+    tables = [_messages(runs), _times(runs), *map(scaling_table, scalings(runs)), _extrapolated(runs)]
+    return [*tables, _modelled(runs)] if any(run["modelled"] for run in runs) else tables
 
 
 def bench_notes(runs: list[Run]) -> list[str]:
-    """Say what the tables' signs mean, where and when they were measured, and what is missing and why."""
+    """Say what the tables' words mean, where and when they were measured, and what is missing and why."""
     out = [
-        "Times are medians and quartiles over repeats. Extrapolated: processor time that a machine with a core a robot "
-        "would need, its network not counted: the largest of a rank; for the pipeline that and all hops one after "
-        "another.",
+        "Measured times are medians over repeats (csv and json have quartiles as well). Extrapolated: processor time "
+        "that a machine with a core a robot would need, its network not counted: the largest of a rank; for the "
+        "pipeline that and all hops one after another.",
     ]
-    crowded = sorted({run["cores"] for run in runs if run["oversubscribed"]})
-    if crowded:
-        cores = " or ".join(map(str, crowded))
-        out.append(f"† oversubscribed: more ranks than the {cores} cores, so wall time is all robots' work on {cores}.")
+    if any(run["modelled"] for run in runs):
+        out.append(
+            "Modelled: eq. 13 of the paper, which adds the latencies of all messages as if none overlapped. T_s is "
+            "the pipeline's time for all samples, L_a the time of 6 numbers between two ranks and N_TS the speed of "
+            "84 000, unless they were given; Table I counts fewer messages than are needed."
+        )
     out += [
-        f"‡ not measured now: n = {run['n']} is from {run['kept']}, measured {run['date']} on "
+        f"Not measured now: n = {run['n']} is from {run['kept']}, measured {run['date']} on "
         f"{run['machine']['host']} ({run['machine']['processor']})."
         for run in runs
         if "kept" in run
     ]
-    out += sorted({run["missing"] for run in runs if run["missing"]})
+    # The same is missing for the same reason in all runs, in which only figures differ.
+    out += {reason.partition(":")[0]: reason for run in runs for reason in run["missing"]}.values()
     against = {facts["error"]["against"] for run in runs for facts in run["methods"].values()}
     out.append(f"Error: largest difference from {' or '.join(sorted(against))} over the largest torque.")
     return out + [f"Measured on {line}." for line in sorted({machine_line(run["machine"]) for run in runs[-1:]})]
@@ -150,29 +161,59 @@ def _messages(runs: list[Run]) -> Table:
 
 
 def _times(runs: list[Run]) -> Table:
-    rows = []
-    for run in runs:
-        for name in _names([run]):
-            sizes = run["measured"][name]
-            rows.append([run["n"], name, *(_spread(sizes.get(size)) for size in _SIZES)])
+    """Return the wall times: a row a contender and way in which samples travel, a column a number of ranks."""
+    rows = [
+        [_together(runs, size), name, *(_spread(run["measured"].get(name, {}).get(size)) for run in runs)]
+        for size in _sizes(runs)
+        for name in _names(runs)
+    ]
     return Table(f"measured: wall time a sample{_network_of(runs)}", _columns(runs, "contender"), rows, keys=2)
 
 
-def _not_measured(runs: list[Run]) -> Table:
+def _extrapolated(runs: list[Run]) -> Table:
+    names = dict.fromkeys(name for run in runs for name in run["extrapolated"])
+    rows = [
+        [_together(runs, size), name, *(run["extrapolated"].get(name, {}).get(size) for run in runs)]
+        for size in _sizes(runs)
+        for name in names
+    ]
+    title = "extrapolated to a core a robot, network not counted: time a sample"
+    return Table(title, _columns(runs, "contender"), rows, keys=2)
+
+
+def _modelled(runs: list[Run]) -> Table:
+    columns = [
+        Column("n"), Column("T_s", show_seconds, "s"), Column("L_a", show_seconds, "s"),
+        Column("N_TS, Gbit/s", lambda speed: f"{speed:.3g}"),
+        *(Column(label, show_seconds, "s") for label in _MODELLED.values()),
+    ]  # fmt: skip
     rows = []
     for run in runs:
-        for name, sizes in run["extrapolated"].items():
-            rows.append([run["n"], f"{name}, extrapolated", *(sizes.get(size) for size in _SIZES)])
-        for name, label in _MODELLED.items():
-            rows.append([run["n"], f"{label}, modelled", *(run["modelled"][name].get(size) for size in _SIZES)])
-    return Table("not measured: time a sample", _columns(runs, "what"), rows, keys=2)
+        if run["modelled"]:
+            constants = run["constants"]
+            row = [run["n"], constants["serial_time"], constants["latency"], constants["speed"] / 1e9]
+            rows.append(row + [run["modelled"][name]["single"] for name in _MODELLED])
+    return Table("modelled: time a sample by eq. 13, and the constants in it", columns, rows)
 
 
 def _columns(runs: list[Run], what: str) -> list[Column]:
-    counts = "/".join(dict.fromkeys(str(run["samples"]) for run in runs))
-    headings = {"batch": f"{counts} {_SIZES['batch']}", "single": _SIZES["single"]}
-    times = [Column(heading, show_seconds, "s") for heading in headings.values()]
-    return [Column("n"), Column(what, left=True), *times]
+    times = [Column(f"n = {run['n']}", _median, "s") for run in runs]
+    return [Column("samples a message"), Column(what, left=True), *times]
+
+
+def _sizes(runs: list[Run]) -> list[str]:
+    """Ways in which samples travelled, one at a time first."""
+    held = {size for run in runs for sizes in run["measured"].values() for size in sizes}
+    return [size for size in ("single", "batch") if size in held]
+
+
+def _together(runs: list[Run], size: str) -> int:
+    return 1 if size == "single" else int(runs[-1]["samples"])
+
+
+def _median(value: Spread | float) -> str:
+    """Write a median alone: columns of quartiles would not fit beside each other."""
+    return show_seconds(value.median if isinstance(value, Spread) else value)
 
 
 def _names(runs: list[Run]) -> list[str]:
@@ -184,19 +225,6 @@ def _names(runs: list[Run]) -> list[str]:
 
 def _spread(timing: dict[str, Any] | None) -> Spread | None:
     return None if timing is None else Spread.of(timing["walls"])
-
-
-def _marks(run: Run) -> str:
-    return f"{'†' if run['oversubscribed'] else ''}{'‡' if 'kept' in run else ''}"
-
-
-def _marked(table: Table, runs: list[Run]) -> Table:
-    """Add a column that says which rows are marked, if any is; ``runs`` are those of the rows."""
-    marks = {run["n"]: _marks(run) for run in runs}
-    if not any(marks.values()):
-        return table
-    rows = [[*row, marks[row[0]]] for row in table.rows]
-    return table._replace(columns=[*table.columns, Column("notes", left=True)], rows=rows)
 
 
 def _network_of(runs: list[Run]) -> str:

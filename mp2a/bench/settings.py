@@ -2,6 +2,7 @@
 
 from typing import Any, NamedTuple
 
+from mp2a.bench.contenders import FAMILIES
 from mp2a.network import EmulatedNetwork
 
 STARTED = "MP2A_STARTED"
@@ -22,6 +23,12 @@ class BenchSettings(NamedTuple):
     seed: int = 0
     methods: tuple[str, ...] = ("kogge-stone", "compact", "sweep")
     """Distributed methods to measure, of `mp2a.methods.METHODS`."""
+    baselines: tuple[str, ...] = FAMILIES
+    """What to measure beside them, of `mp2a.bench.contenders.FAMILIES`."""
+    bodies: int | None = None
+    """Bodies of the whole chain, of which the ranks hold blocks."""
+    bodies_per_rank: int | None = None
+    """Bodies of each rank. Without either of the two a rank holds one."""
     network: EmulatedNetwork | None = None
     """Network to emulate between the ranks."""
     seconds: float = 10.0
@@ -35,7 +42,17 @@ class BenchSettings(NamedTuple):
     bits: float = 64.0
     """Bits a number."""
 
+    def chain_length(self, ranks: int) -> int:
+        """Return how many bodies the chain has on so many ranks."""
+        return self.bodies or (self.bodies_per_rank or 1) * ranks
+
     def identity(self) -> dict[str, Any]:
         """Tell what makes two runs of the same n the same run, as it is in the results file."""
-        network = None if self.network is None else list(self.network)
-        return {"samples": self.samples, "seed": self.seed, "requested": list(self.methods), "emulated": network}
+        return {
+            "samples": self.samples,
+            "seed": self.seed,
+            "requested": [*self.methods, *self.baselines],
+            "bodies": self.bodies,
+            "bodies_per_rank": self.bodies_per_rank,
+            "emulated": None if self.network is None else list(self.network),
+        }

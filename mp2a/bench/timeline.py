@@ -6,7 +6,7 @@ The Chrome trace event format, which https://ui.perfetto.dev opens: complete eve
 
 import time
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,17 @@ _WARM_UP = 5
 _ALIGN = 20
 
 
+class RankTiming(NamedTuple):
+    """One call of one rank; times are rank 0's monotonic clock, in ns."""
+
+    began: int
+    rounds: list[RoundTiming]
+    """In order."""
+    ended: int
+    """When the call was over. What lies behind the last round, own torque, sends that end and ranks that agree, cannot
+    be told apart and is left out of a trace."""
+
+
 def trace_call(samples: int, seed: int, method: str) -> dict[str, Any] | None:
     """Trace one call on the world communicator; collective. The trace on rank 0, None elsewhere."""
     comm = MPI.COMM_WORLD
@@ -35,14 +46,15 @@ def trace_call(samples: int, seed: int, method: str) -> dict[str, Any] | None:
         offset = clock_offset(comm)
         barrier(comm)
         formation.trace.events.clear()
+        began = time.monotonic_ns()
         formation.rnea(*state)
-        span = formation.trace.events
-        everyone = comm.gather([(e.recurrence, e.round, e.posted - offset, e.done - offset) for e in span])
-        if everyone is None:
+        ended = time.monotonic_ns()
+        rounds = [e._replace(posted=e.posted - offset, done=e.done - offset) for e in formation.trace.events]
+        ranks = comm.gather(RankTiming(began - offset, rounds, ended - offset))
+        if ranks is None:
             return None
-        events = [[RoundTiming(*event) for event in rank] for rank in everyone]
         return {
-            "traceEvents": trace_events(formation.schedule, METHODS[formation.method].doubles, events, samples),
+            "traceEvents": trace_events(formation.schedule, METHODS[formation.method].doubles, ranks, samples),
             "displayTimeUnit": "ns",
             "mp2a": {
                 "n": len(model),
@@ -71,7 +83,7 @@ def clock_offset(comm: MPI.Intracomm) -> int:
 
 
 def trace_events(
-    schedule: Schedule, doubles: Mapping[str, int], ranks: list[list[RoundTiming]], samples: int
+    schedule: Schedule, doubles: Mapping[str, int], ranks: list[RankTiming], samples: int
 ) -> list[dict[str, Any]]:
     """Spans and messages of a traced call; the first moment is 0, times are in µs.
 
@@ -82,27 +94,31 @@ def trace_events(
     doubles
         Numbers a sample in each kind of message.
     ranks
-        Each rank's events, one a round, in order.
+        What each rank was at.
     samples
         Samples in each message.
     """
-    origin = min(events[0].posted for events in ranks if events) if any(ranks) else 0
+    origin = min(rank.began for rank in ranks)
     out: list[dict[str, Any]] = [{"ph": "M", "pid": 0, "name": "process_name", "args": {"name": "formation"}}]
-    for rank, events in enumerate(ranks):
-        out.append({"ph": "M", "pid": 0, "tid": rank, "name": "thread_name", "args": {"name": f"robot {rank + 1}"}})
-        out += _spans(rank, events, origin)
-    return out + _messages(schedule, doubles, ranks, samples, origin)
+    for number, rank in enumerate(ranks):
+        about = {"name": f"robot {number + 1}"}
+        out.append({"ph": "M", "pid": 0, "tid": number, "name": "thread_name", "args": about})
+        out += _spans(number, rank, origin)
+    return out + _messages(schedule, doubles, [rank.rounds for rank in ranks], samples, origin)
 
 
-def _spans(rank: int, events: list[RoundTiming], origin: int) -> list[dict[str, Any]]:
-    out = []
-    for k, event in enumerate(events):
+def _spans(number: int, rank: RankTiming, origin: int) -> list[dict[str, Any]]:
+    """Compute and exchange in turn, from the beginning of the call to its last round."""
+    if not rank.rounds:
+        return [_span(number, "alone", "compute", RoundTiming("alone", 0, 0, 0), rank.began, rank.ended, origin)]
+    first = rank.rounds[0]
+    out = [_span(number, f"{first.recurrence}: leaf", "compute", first, rank.began, first.posted, origin)]
+    for event, after in zip(rank.rounds, [*rank.rounds[1:], None], strict=True):
         name = f"{event.recurrence} round {event.round}"
-        out.append(_span(rank, f"{name}: exchange", "exchange", event, event.posted, event.done, origin))
-        if k + 1 < len(events):
-            after = events[k + 1]
+        out.append(_span(number, f"{name}: exchange", "exchange", event, event.posted, event.done, origin))
+        if after is not None:
             label = f"{name}: join" if after.recurrence == event.recurrence else f"{after.recurrence}: leaf"
-            out.append(_span(rank, label, "compute", after, event.done, after.posted, origin))
+            out.append(_span(number, label, "compute", after, event.done, after.posted, origin))
     return out
 
 

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from mp2a.bench.contenders import FAMILIES
 from mp2a.bench.settings import BenchSettings
 from mp2a.cli.options import (
     add_format,
@@ -29,17 +30,29 @@ def add(commands: Any) -> None:
         commands,
         "bench",
         _bench,
-        "Time inverse dynamics of a formation, one rank a robot, against pipeline, gather-scatter and pinocchio.",
+        "Time inverse dynamics of a formation, one rank a robot, against MPI_Scan, pipeline, gather-scatter and "
+        "what one process takes.",
         "  mp2a bench --ranks 1,2,4,8                start mpirun for each number of ranks\n"
         "  mp2a bench --ranks 1,2,4,8 --resume       go on after Ctrl-C\n"
         "  mp2a run -n 8 mp2a bench                  measure on the ranks that are there\n"
         "  mp2a bench --ranks 8,64 --samples 1 --network 5ms,54Mbit --out results/radio.json\n"
+        "  mp2a bench --ranks 1,2 --bodies 100000    strong scaling: blocks of one long chain; see mp2a plot scaling\n"
+        "  mp2a bench --ranks 1,2 --bodies-per-rank 50000     weak scaling\n"
         "  mp2a bench --compare old.json new.json    how many times as long each contender takes in new.json",
     )
     parser.add_argument("--ranks", type=ranks, metavar="N,N,…", help="numbers of ranks to start (default: 1,2,4,8)")
-    add_run_options(parser)
+    add_run_options(parser, samples=None, explained="2000; 1 for chains in blocks")
     defaults = BenchSettings()
     parser.add_argument("--methods", type=words, default=defaults.methods, help="methods to measure (default: all)")
+    parser.add_argument(
+        "--baselines",
+        type=words,
+        default=defaults.baselines,
+        help=f"whom to measure them against: some of {','.join(FAMILIES)} (default: all)",
+    )
+    chain = parser.add_mutually_exclusive_group()
+    chain.add_argument("--bodies", type=positive, metavar="N", help="bodies of a long chain, cut into a block a rank")
+    chain.add_argument("--bodies-per-rank", type=positive, metavar="N", help="bodies of each rank (default: 1)")
     parser.add_argument(
         "--network", type=network, metavar="LATENCY,BANDWIDTH", help="network to emulate, such as 5ms,54Mbit"
     )
@@ -125,11 +138,23 @@ def _compare(options: argparse.Namespace) -> None:
 
 
 def _show(runs: list[dict[str, Any]], options: argparse.Namespace) -> None:
-    from mp2a.bench.report import bench_notes, bench_tables
+    from mp2a.bench.findings import findings
+    from mp2a.bench.report import bench_notes, bench_tables, latest
     from mp2a.tables import show
 
-    show(bench_tables(runs), [*bench_notes(runs), f"Kept in {options.out}."], options.format)
+    runs = latest(runs)
+    notes = [*findings(runs), *bench_notes(runs), f"Kept in {options.out}."]
+    show(bench_tables(runs), notes, options.format)
 
 
 def _settings(options: argparse.Namespace) -> BenchSettings:
-    return BenchSettings(*(getattr(options, name) for name in BenchSettings._fields))
+    settings = BenchSettings(*(getattr(options, name) for name in BenchSettings._fields))
+    if options.samples is None:
+        blocks = options.bodies or options.bodies_per_rank
+        settings = settings._replace(samples=1 if blocks else BenchSettings().samples)
+    if unknown := [name for name in settings.baselines if name not in FAMILIES]:
+        raise InputError(f"--baselines: got {','.join(unknown)}, expected some of {','.join(FAMILIES)}")
+    most = max(options.ranks or [1])
+    if options.bodies and options.bodies < most:
+        raise InputError(f"--bodies: got {options.bodies}, expected at least the {most} of --ranks")
+    return settings

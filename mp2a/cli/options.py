@@ -60,9 +60,13 @@ def as_rank(run: Callable[[argparse.Namespace], T], options: argparse.Namespace)
         raise  # never reached: Abort ends the process
 
 
-def add_run_options(command: argparse.ArgumentParser) -> None:
-    """Add the options of what is run."""
-    command.add_argument("--samples", type=positive, default=2000, help="samples of the trajectory (default: 2000)")
+def add_run_options(
+    command: argparse.ArgumentParser, samples: int | None = 2000, explained: str = "%(default)s"
+) -> None:
+    """Add the options of what is run; ``explained`` says what the default number of samples is."""
+    command.add_argument(
+        "--samples", type=positive, default=samples, help=f"samples of the trajectory (default: {explained})"
+    )
     command.add_argument("--seed", type=int, default=0, help="of the random chain and its motion (default: 0)")
     command.add_argument("--quiet", action="store_true", help=argparse.SUPPRESS)
 

@@ -18,10 +18,11 @@ def add(commands: Any) -> None:
         commands,
         "plot",
         _plot,
-        "Draw results (time, speedup, emulated latencies, simulated formations), the timeline of a trace, or a "
-        "recording (paths of a march, its speeds and distances, an animation).",
+        "Draw results (time, speedup, scaling, emulated latencies, simulated formations), the timeline of a trace, or "
+        "a recording (paths of a march, its speeds and distances, an animation).",
         "  mp2a plot time results/bench.json           writes results/bench-time.png\n"
         "  mp2a plot speedup results/bench.json --against pinocchio --out speedup.pdf\n"
+        "  mp2a plot scaling results/scaling.json      runs of mp2a bench --bodies and --bodies-per-rank\n"
         "  mp2a plot latency results/latency.json      runs of mp2a bench --network\n"
         "  mp2a plot simulated results/simulated.json  of benchmarks/simulate.py\n"
         "  mp2a plot timeline results/trace.json\n"
@@ -67,6 +68,13 @@ def _speedup(options: argparse.Namespace) -> "Figure":
     return speedup_figure(results.load(options.file), options.against)
 
 
+def _scaling(options: argparse.Namespace) -> "Figure":
+    from mp2a.bench import results
+    from mp2a.plot import scaling_figure
+
+    return scaling_figure(results.load(options.file))
+
+
 def _latency(options: argparse.Namespace) -> "Figure":
     from mp2a.bench import results
     from mp2a.plot import latency_figure
@@ -110,6 +118,7 @@ def _speeds(options: argparse.Namespace) -> "Figure":
 _FIGURES: "dict[str, Callable[[argparse.Namespace], Figure]]" = {
     "time": _time,
     "speedup": _speedup,
+    "scaling": _scaling,
     "latency": _latency,
     "simulated": _simulated,
     "timeline": _timeline,

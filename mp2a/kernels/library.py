@@ -146,14 +146,14 @@ def obtain(*, patient: bool) -> tuple[Path, dict[str, Kernel]]:
     if sys.implementation.name != "cpython":
         raise UnavailableError(f"{sys.implementation.name} does not say where arrays lie in memory")
     stem, reason = f"kernels-{_purpose()}", "no directory to keep them in"
-    for folder in _folders():
+    for folder in cache_folders():
         if path := find(folder, stem):
             with suppress(*_UNUSABLE):  # perhaps a file system that allows no programs
                 return path, _open(path)
-    for folder in _folders():
+    for folder in cache_folders():
         try:
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            if not _is_private(folder):
+            if not is_private(folder):
                 reason = f"{folder} is not this user's own"
                 continue
             _ensure(folder, stem, patient)
@@ -167,7 +167,7 @@ def obtain(*, patient: bool) -> tuple[Path, dict[str, Kernel]]:
 def find(folder: Path, stem: str) -> Path | None:
     """Find a file of kernels that is whole."""
     with suppress(OSError):
-        if not _is_private(folder):
+        if not is_private(folder):
             return None
         for path in sorted(folder.glob(f"{stem}-*.*o")):
             if path.stem == f"{stem}-{checksum(path.read_bytes())}":
@@ -187,11 +187,11 @@ def _purpose() -> str:
     """Name what the kernels have to be made for: this processor, and this version of the kernels."""
     formulas = Path(spatial.__file__)  # of which the kernels have one
     sources = [path.read_bytes() for path in (*sorted(Path(__file__).parent.glob("*.py")), formulas)]
-    target = _processor(), platform.machine(), os.environ.get(CPU_FEATURES, ""), mp2a.__version__
+    target = processor(), platform.machine(), os.environ.get(CPU_FEATURES, ""), mp2a.__version__
     return checksum(*(word.encode() for word in target), *sources)
 
 
-def _processor() -> str:
+def processor() -> str:
     """Model and features of the processor, from which LLVM draws its own; LLVM itself is not asked for its size."""
     names = ("vendor_id", "cpu family", "model", "flags", "CPU implementer", "CPU part", "CPU variant", "Features")
     try:
@@ -207,7 +207,7 @@ def _processor() -> str:
     return "\n".join(fields.get(name, "") for name in names)
 
 
-def _folders() -> Iterator[Path]:
+def cache_folders() -> Iterator[Path]:
     """Where the kernels may lie: the user's cache directory, else a temporary one."""
     with suppress(RuntimeError):  # no home
         base = os.environ.get("XDG_CACHE_HOME") or ""
@@ -218,7 +218,7 @@ def _folders() -> Iterator[Path]:
     yield Path(tempfile.gettempdir()) / f"mp2a-{os.getuid()}"
 
 
-def _is_private(folder: Path) -> bool:
+def is_private(folder: Path) -> bool:
     """Tell whether a folder is this user's and nobody else's; who could write there could have any program run."""
     state = folder.lstat()
     return stat.S_ISDIR(state.st_mode) and state.st_uid == os.getuid() and not state.st_mode & 0o022

@@ -3,6 +3,7 @@
 from mp2a.plot.animation import save_animation
 from mp2a.plot.latency import latency_figure
 from mp2a.plot.march import march_figure
+from mp2a.plot.scaling import scaling_figure
 from mp2a.plot.simulated import simulated_figure
 from mp2a.plot.speeds import speeds_figure
 from mp2a.plot.speedup import speedup_figure
@@ -15,6 +16,7 @@ __all__ = [
     "march_figure",
     "save_animation",
     "save_figure",
+    "scaling_figure",
     "simulated_figure",
     "speeds_figure",
     "speedup_figure",

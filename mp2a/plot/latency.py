@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from mp2a.bench.contenders import PINOCCHIO, PIPELINE_BLOCKS
+from mp2a.bench.contenders import MPI_SCAN, MPI_SCAN_DOUBLING, ONE_PROCESS, PINOCCHIO, PIPELINE_BLOCKS
 from mp2a.exceptions import InputError
 from mp2a.methods import METHODS
 from mp2a.network import EmulatedNetwork
@@ -15,7 +15,7 @@ from mp2a.plot.measurements import hollow_note, origin, plural
 from mp2a.plot.panels import Curve, draw_lines, draw_rows, in_seconds, legend_groups, rows_height, rows_of
 from mp2a.plot.style import canvas, legends, log_axis, styled
 
-_OTHERS = ("kogge-stone, table I", "serial", PINOCCHIO, PIPELINE_BLOCKS)
+_OTHERS = ("kogge-stone, table I", "serial", MPI_SCAN, MPI_SCAN_DOUBLING, ONE_PROCESS, PINOCCHIO, PIPELINE_BLOCKS)
 CONTENDERS = tuple(name for name in LOOKS if name not in _OTHERS)
 """Those whose messages take time, one sample after another."""
 

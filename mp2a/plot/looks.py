@@ -6,6 +6,9 @@ from mp2a.bench.contenders import (
     GATHER_SCATTER,
     GATHER_SCATTER_TREE,
     LABELS,
+    MPI_SCAN,
+    MPI_SCAN_DOUBLING,
+    ONE_PROCESS,
     PINOCCHIO,
     PIPELINE,
     PIPELINE_BLOCKS,
@@ -26,10 +29,13 @@ _COLORS_AND_MARKERS = {
     "kogge-stone": ("#0072B2", "o"),
     "compact": ("#56B4E9", "p"),
     "sweep": ("#000000", ">"),
+    MPI_SCAN: ("#DDCC77", "v"),
+    MPI_SCAN_DOUBLING: ("#A67C00", "v"),
     PIPELINE: ("#D55E00", "s"),
     PIPELINE_BLOCKS: ("#E69F00", "s"),
     GATHER_SCATTER: ("#009E73", "D"),
     GATHER_SCATTER_TREE: ("#88CC66", "d"),
+    ONE_PROCESS: ("#332288", "*"),
     PINOCCHIO: ("#AA4499", "^"),
 }
 LOOKS = {name: Look(LABELS[name], *look) for name, look in _COLORS_AND_MARKERS.items()} | {
@@ -37,7 +43,7 @@ LOOKS = {name: Look(LABELS[name], *look) for name, look in _COLORS_AND_MARKERS.i
     "serial": Look("serial O(n)", "#555555", "v"),
 }
 """The contenders, and what is only modelled, in the order of legends."""
-_SPARE = ("#332288", "#999933", "#882255", "#6699CC")
+_SPARE = ("#44AA99", "#999933", "#882255", "#6699CC")
 
 
 def look(contender: str) -> Look:

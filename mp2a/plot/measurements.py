@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.artist import Artist
 
-from mp2a.bench.contenders import PINOCCHIO
+from mp2a.bench.contenders import ALONE
 from mp2a.exceptions import InputError
 from mp2a.network import EmulatedNetwork
 from mp2a.plot.looks import INK, Look, in_order
@@ -16,9 +16,9 @@ GRAINS = ("batch", "single")
 """Whether all samples travel in each message, or one at a time."""
 SOURCES = ("measured", "modelled", "extrapolated")
 """Where times come from; measured ones are wall clock."""
+_ALIKE = ("emulated", "samples", "bodies", "bodies_per_rank")
 PAPER_ROBOTS = 512
 PAPER_SAMPLES = 2000
-_ALONE = (PINOCCHIO,)  # runs in one process, so it never shares a core with other ranks
 
 
 class Series(NamedTuple):
@@ -32,7 +32,8 @@ class Series(NamedTuple):
 def runs(results: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Return the runs by rising number of robots, of several for one number the last.
 
-    Only those with as many samples as the last run of the file, and over the same network, are among them.
+    Only those with as many samples as the last run of the file, over the same network and of chains cut in the same
+    way, are among them.
 
     Raises
     ------
@@ -49,7 +50,7 @@ def runs(results: Mapping[str, Any]) -> list[Mapping[str, Any]]:
             if not isinstance(number, int) or number < 1:
                 raise InputError(f"results: got a run with {key} = {number!r}, expected at least 1 of its {what}")
     last = everything[-1]
-    alike = [run for run in everything if all(run.get(key) == last.get(key) for key in ("emulated", "samples"))]
+    alike = [run for run in everything if all(run.get(key) == last.get(key) for key in _ALIKE)]
     return [run for _, run in sorted({run["n"]: run for run in alike}.items())]
 
 
@@ -71,12 +72,12 @@ def series(results: Mapping[str, Any], source: str, contender: str, grain: str) 
     for run in runs(results):
         cell = ((run.get(source) or {}).get(contender) or {}).get(grain)
         seconds = cell.get("wall") if isinstance(cell, Mapping) else cell
-        if seconds is None or (source == "modelled" and seconds == 0):
-            continue  # one robot alone sends nothing, and a logarithm has no place for that
+        if seconds is None:
+            continue
         if not isinstance(seconds, int | float) or not 0 < seconds < np.inf:
             where = f"{source} {contender}, {grain}, n = {run['n']}"
             raise InputError(f"results: got {seconds!r} for {where}, expected seconds above 0")
-        shared = source == "measured" and contender not in _ALONE and bool(run.get("oversubscribed"))
+        shared = source == "measured" and contender not in ALONE and bool(run.get("oversubscribed"))
         rows.append((run["n"], seconds, shared))
     n, times, shares_cores = zip(*rows, strict=True) if rows else ((), (), ())
     return Series(np.array(n, dtype=int), np.array(times, dtype=float), np.array(shares_cores, dtype=bool))
