@@ -80,6 +80,19 @@ LARGEST_ANGLE = 1e6
 AXIS = 6
 """Which number of a program says whether its arguments have an axis of samples."""
 
+TYPE = POINTER + 8, ~0xFF000000
+"""Where a dtype object keeps kind, byte order and number of its type, and which bits these are.
+
+Equal dtypes need not be one object: that of an array that came by pickle is another one."""
+
+
+def number_type(dtype: np.dtype[Any]) -> int:
+    """Return what compiled code knows a dtype by."""
+    import ctypes
+
+    return ctypes.c_int64.from_address(id(dtype) + TYPE[0]).value & TYPE[1]
+
+
 PLAIN = 0x0101
 """numpy's flags of an array whose numbers lie one after the other, where numbers of their size should."""
 
@@ -130,9 +143,9 @@ def _knows_arrays() -> bool:
     words = (ctypes.c_int64 * 7).from_address(id(probe) + POINTER)
     lengths = (ctypes.c_int64 * 2).from_address(words[2])
     axes, flags = words[1] & 0xFFFFFFFF, words[6] & 0xFFFFFFFF
-    return (words[0], axes, [*lengths], words[5]) == (probe.ctypes.data, 2, [2, 3], id(_DOUBLE)) and (
-        flags & PLAIN == PLAIN and probe[:, :2].flags.num & PLAIN != PLAIN
-    )
+    found = words[0], axes, [*lengths], words[5], flags & PLAIN, probe[:, :2].flags.num & PLAIN == PLAIN
+    kinds = [number_type(np.dtype(kind)) for kind in ("f8", "f4", "i8", ">f8")]
+    return found == (probe.ctypes.data, 2, [2, 3], id(_DOUBLE), PLAIN, False) and kinds[0] not in kinds[1:]
 
 
 def compose(upper: Array, lower: Array, out: Array | None = None) -> Array:

@@ -7,7 +7,7 @@ refers to nothing, and one file serves any MPI. Only building the kernels import
 
 from typing import Any
 
-from mp2a.kernels import AXIS, PLAIN, POINTER
+from mp2a.kernels import AXIS, PLAIN, POINTER, TYPE
 from mp2a.kernels.primitives import call, call_int, compiled, doubles_at, int_at, int_slot, integers_at
 
 FIRST, STARTALL, TESTALL, STATUSES, LOOKS, YIELDS = range(6)
@@ -19,12 +19,14 @@ WHAT, COUNT, ARRAYS, STEP = 0, 1, 2, 7
 """Numbers of a step: what to do, for how many samples, and the addresses of five arrays, the result and the inputs.
 
 Of a start and an await: the requests and how many there are. Of a read: where to put so many numbers (0: nowhere),
-where the address of the array object lies, what none of them may be beyond, and the form of the array: numpy's type of
-doubles, how many axes it has besides that of samples, and the lengths of all axes. Of a check of length: where so many
-samples lie, how many numbers each has, and which of them have to have length 1. A copy and an add count numbers."""
+where the address of the array object lies, what none of them may be beyond, and the form of the array: what doubles
+are known by, how many axes it has besides that of samples, and the lengths of all axes. Of a check of length: where so
+many samples lie, how many numbers each has, and which of them have to have length 1. A copy and an add count numbers."""
 
 START, AWAIT, READ, CHECK_LENGTH, COPY, ADD = range(6)
 """The first of `mp2a.kernels.STEPS`, which are no kernels."""
+
+TYPE_AT, TYPE_BITS = TYPE
 
 SLACK = 1e-6
 """By how much the square of a length may be off 1: half of what is an error, so that Python decides near the limit."""
@@ -68,7 +70,8 @@ def _add(step: Any) -> None:
 def _is_plain(array_at: Any, form: Any, axis: Any) -> Any:
     """Tell whether an array object holds contiguous doubles and has the axes it should have."""
     array, axes = integers_at(array_at), form[1] + axis
-    plain = array[5] == form[0] and int_at(array_at + 8) == axes and int_at(array_at + 48) & PLAIN == PLAIN
+    kind = integers_at(array[5] + TYPE_AT)[0] & TYPE_BITS
+    plain = kind == form[0] and int_at(array_at + 8) == axes and int_at(array_at + 48) & PLAIN == PLAIN
     if plain:
         lengths = integers_at(array[2])
         for k in range(axes):

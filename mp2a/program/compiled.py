@@ -267,7 +267,7 @@ class CompiledProgram:
         for k, argument in enumerate(self.frame.layout.program.arguments):
             bound = self._keep(np.array([argument.bound]))
             axes = len(argument.shape)
-            form = self._keep(np.array([id(_DOUBLE), axes, samples, *argument.shape]))
+            form = self._keep(np.array([kernels.number_type(_DOUBLE), axes, samples, *argument.shape]))
             place = None if argument.number is None else self.frame.values[argument.number]
             count = samples * math.prod(argument.shape)
             self._step("read", count, 0 if place is None else _address(place), self._given_at + 8 * k, bound, form)

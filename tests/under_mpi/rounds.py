@@ -1,6 +1,7 @@
 """Recorded rounds do what interpreted ones do, with the same messages, and go on after what does not fit."""
 
 import ctypes
+import pickle
 
 import numpy as np
 from _formation import COMM, RANK, SIZE, Checks, chain_of_all_joints, own_columns, relative_error
@@ -52,6 +53,10 @@ for method, branching in FORMATIONS:
         first = recorded.rnea(*(part[0] for part in state), bodies=True)
         parts = (first.velocity, first.acceleration, first.force, first.torque, *first.placement)
         kept = [x.copy() for x in parts]
+        # Arrays of any make: lists, views, whole numbers, and what came by pickle, whose dtype is another object.
+        for make in (np.ndarray.tolist, lambda x: np.repeat(x, 2)[::2], lambda x: pickle.loads(pickle.dumps(x))):
+            again = recorded.rnea(*(make(part[0]) for part in state))
+            check(np.array_equal(again, first.torque), make)
         recorded.rnea(*(part[1] for part in state), bodies=True)
         check(all(np.array_equal(a, b) for a, b in zip(parts, kept, strict=True)))
 
