@@ -44,6 +44,12 @@ def is_oversubscribed() -> bool:
 
 
 @cache
+def mpi_yields() -> bool:
+    """Tell whether MPI itself leaves the core to others whenever it is asked for a message that is not there."""
+    return os.environ.get("OMPI_MCA_mpi_yield_when_idle") == "1"  # noqa: SIM112  that is its name
+
+
+@cache
 def threads_per_rank() -> int:
     """Return how many threads this process may run without taking cores from the other ranks of this machine."""
     return max(1, min(usable_cores(), _machine_cores() // _local_ranks()))

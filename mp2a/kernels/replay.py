@@ -21,7 +21,7 @@ WHAT, COUNT, ARRAYS, STEP = 0, 1, 2, 7
 Of a start and an await: the requests and how many there are. Of a read: where to put so many numbers (0: nowhere),
 where the address of the array object lies, what none of them may be beyond, and the form of the array: what doubles
 are known by, how many axes it has besides that of samples, and the lengths of all axes. Of a check of length: where so
-many samples lie, how many numbers each has, and which of them have to have length 1. A copy and an add count numbers."""
+many samples lie, how many numbers each has, and which of them have to have length 1. Copies and sums count numbers."""
 
 START, AWAIT, READ, CHECK_LENGTH, COPY, ADD = range(6)
 """The first of `mp2a.kernels.STEPS`, which are no kernels."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mp2a import kernels
-from mp2a.cores import is_oversubscribed
+from mp2a.cores import is_oversubscribed, mpi_yields
 from mp2a.mpi import MPI
 from mp2a.program.memory import COPY, Frame
 from mp2a.program.operations import add
@@ -25,9 +25,11 @@ from mp2a.spatial import Array
 from mp2a.transport.base import Transport
 from mp2a.transport.link import Receiving, arrived
 from mp2a.transport.mpi import MPITransport
-from mp2a.transport.wait import YIELDS, wait
+from mp2a.transport.wait import wait
 
-_LOOKS = 4096
+_LOOKS, _SHARED_LOOKS = 4096, 256
+"""How often compiled code looks for messages before Python sees to them: with a core a rank, and where ranks share."""
+
 _MESSAGES = "start", "await"
 _DOUBLE = np.dtype(np.float64)
 
@@ -116,6 +118,7 @@ class CompiledProgram:
         header = self._make_header()
         self._header, self._address = _integers(len(header))
         self._header[:] = header
+        self._first_end, self._end = self._pieces[0].last, len(self._steps) + (len(self._pieces) > 1)
         self._tally = transport.tally(chain.from_iterable(self._sent))
         self._views = [frame.placed_views(single=single) for single in (frame.samples == 1, False)]
 
@@ -144,18 +147,16 @@ class CompiledProgram:
             What a computation raised, after all exchanges.
         """
         first = arguments[0]
-        axis = type(first) is np.ndarray and first.ndim != self._axes
-        if not self._take(arguments, axis):
+        if not self._take(arguments, type(first) is np.ndarray and first.ndim != self._axes):
             return False
         self._transport.begin(self._tag, valid=True)
-        first, last, _, _ = self._pieces[0]
-        at = self._function(self._address, first, last)
-        if at != last and 0 <= at < self._begin:
-            return False
-        if at != last or len(self._pieces) > 1:
-            self._go_on(at, arguments)
-        else:
+        at = self._function(self._address, 0, self._first_end)
+        if at == self._first_end == self._end:
             self._tally.times += 1
+            return True
+        if 0 <= at < self._begin:
+            return False
+        self._go_on(at, arguments)
         return True
 
     def results(self) -> dict[str, Any]:
@@ -340,8 +341,8 @@ class CompiledProgram:
         most = max((step[1] for step in self._steps if kernels.STEPS[step[0]] == "await"), default=0)
         statuses = self._keep(np.zeros(max(most, 1) * MPI._sizeof(MPI.Status), dtype=np.uint8))
         polite = is_oversubscribed()
-        looks = YIELDS if polite else _LOOKS
-        return [_address(self.steps), *_functions(), statuses, looks, polite, True]
+        looks = _SHARED_LOOKS if polite else _LOOKS
+        return [_address(self.steps), *_functions(), statuses, looks, polite and not mpi_yields(), True]
 
 
 def _functions() -> tuple[int, int]:
