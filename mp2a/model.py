@@ -1,7 +1,7 @@
 """The formation as a multibody: bodies, the virtual joints between them, and who hangs on whom."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
@@ -159,6 +159,11 @@ class Model:
     def origin_inertias(self) -> Array:
         """The rotational inertias about the bodies' origins, ``(n, 3, 3)``, kg m²."""
         return read_only(inertia_at_origin(self.masses, self.coms, self.inertias))
+
+    @cached_property
+    def derived(self) -> dict[Hashable, Any]:
+        """What others have worked out of the model, such as tables of kernels, and want to find again."""
+        return {}
 
     @cached_property
     def neutral(self) -> Array:

@@ -11,9 +11,10 @@ from mp2a import cores, kernels
 from mp2a.joint_kinematics import BaseMotion
 from mp2a.kernels.library import Kernel
 from mp2a.kernels.model_cache import ModelCache
-from mp2a.kernels.tables import NUMBER_FORMATS, KernelJob, ModelTables, NumberFormat, make_tables
+from mp2a.kernels.tables import NUMBER_FORMATS, SCALAR, KernelJob, NumberFormat, make_tables
 from mp2a.kernels.thread_pool import THREAD_POOL
 from mp2a.model import Model
+from mp2a.results import Placement
 from mp2a.spatial import Array
 from mp2a.validation import JointState
 
@@ -23,7 +24,8 @@ _WORTH_A_THREAD = 5_000
 _FEWEST_PIECES, _PIECES = 2, 8
 """Pieces of the work for each thread, so that one that is held up leaves some to the others."""
 
-_TABLES: ModelCache[ModelTables] = ModelCache()
+TABLES = ModelCache(make_tables)
+"""Tables of models, by number format and whether motion and force of the bodies are asked for."""
 
 
 class KernelResult(NamedTuple):
@@ -53,8 +55,10 @@ class BlockReduction(NamedTuple):
 
 def pack_base(base: BaseMotion) -> Array:
     """Motion of a base in the order of the kernels, ``(12,)`` or ``(T, 12)``: ω, ω̇, v̇, v."""
-    velocity, acceleration = np.broadcast_arrays(*base)
-    return np.concatenate((velocity[..., :3], acceleration, velocity[..., 3:]), axis=-1)
+    velocity, acceleration = base
+    packed = np.empty((*max(velocity.shape[:-1], acceleration.shape[:-1]), 12))
+    packed[..., :3], packed[..., 3:9], packed[..., 9:] = velocity[..., :3], acceleration, velocity[..., 3:]
+    return packed
 
 
 def rnea(
@@ -97,7 +101,7 @@ def rnea(
     KernelResult or None
         None if there are no compiled kernels.
     """
-    form = NUMBER_FORMATS[np.dtype(dtype)]
+    form = _format(state.samples, dtype)
     run = kernels.compiled(f"rnea_{form.name}" + ("_bodies" if bodies else ""))
     if run is None:
         return None
@@ -151,6 +155,38 @@ def reduce_block(
     return BlockReduction(whole, under, valid)
 
 
+def placements(model: Model, q: Array, out: Placement, threads: int | None = None) -> bool | None:
+    """Place the bodies of many samples; see `mp2a.kernels.placements`.
+
+    Parameters
+    ----------
+    model, threads
+        As `rnea` takes them.
+    q
+        Coordinates ``(T, nq)``; the kernel notices by itself if they are not what they should be.
+    out
+        Where to put the placements, ``(T, n, 3, 3)`` and ``(T, n, 3)``, contiguous doubles that do not overlap ``q``.
+
+    Returns
+    -------
+    bool or None
+        Whether every sample is valid; None if there are no compiled kernels.
+    """
+    form = _format(len(q), np.float64)
+    run = kernels.compiled(f"placements_{form.name}")
+    if run is None:
+        return None
+    inputs = _input(JointState(q, q, q, None, False), form)
+    at = kernels.pointer
+    results = at(inputs.held[0]), 0, at(out.rotation), 0, at(out.translation), 0
+    return _run(run, model, inputs, (0, 0, 0, 0), results, form, threads, bodies=True)
+
+
+def _format(samples: int, dtype: np.dtype | type) -> NumberFormat:
+    form = NUMBER_FORMATS[np.dtype(dtype)]
+    return SCALAR if samples == 1 and form.dtype == SCALAR.dtype else form
+
+
 class _Input(NamedTuple):
     """Input as kernels take it."""
 
@@ -187,7 +223,7 @@ def _run(
     threads = _threads(threads, work_there_is, chunks)
     pieces = min(chunks, threads * max(_FEWEST_PIECES, min(_PIECES, work_there_is // (threads * _WORTH_A_THREAD))))
     at = kernels.pointer
-    tables = _TABLES.get(model, (form.name, bodies), lambda: make_tables(model, form, bodies=bodies))
+    tables = TABLES.get(model, form, bodies)
     constants = at(tables.body_constants), at(tables.frame_constants), at(tables.topology)
     sizes = len(model), samples, model.nq, model.nv, inputs.columnwise
     job: NDArray[np.int64] = np.array(
@@ -205,7 +241,7 @@ def _threads(requested: int | None, work: int, chunks: int) -> int:
 def _fits(array: Array, columnwise: bool) -> bool:
     """Tell whether the kernel can take an array as it lies, with the samples of a column together or not."""
     together, apart = array.strides if columnwise else array.strides[::-1]
-    return together == array.itemsize and apart % together == 0
+    return (together == array.itemsize or (columnwise and len(array) == 1)) and apart % array.itemsize == 0
 
 
 def _laid_out(array: Array, dtype: np.dtype, columnwise: bool) -> Array:

@@ -45,10 +45,11 @@ def columns(real: Real) -> Any:
     return views
 
 
-def prefetch_columns(real: Real) -> Any:
+def prefetch_columns(real: Real, *, rates: bool = True) -> Any:
     """Make ``f(job, i, topology, views, begin, ready)``: have the columns of body i in the rings.
 
-    ``ready`` is how many columns of q, and of v and a, are there; returned as it is after.
+    ``ready`` is how many columns of q, and of v and a, are there; returned as it is after. Without ``rates`` only
+    those of q are wanted.
     """
     lanes, ring = real.lanes, 2 * real.lanes
     there, fill = real.there(), transpose_in(real)
@@ -62,7 +63,7 @@ def prefetch_columns(real: Real) -> Any:
             if q < nq and q < topology[row + Q_COLUMN] + _MOST_Q:
                 fill(there(job[AT.q]), job[AT.q_stride], begin, final, q, nq, views[0][0], (q & (ring - 1)) * lanes)
                 q += lanes
-            if v < nv and v < topology[row + V_COLUMN] + _MOST_V:
+            if rates and v < nv and v < topology[row + V_COLUMN] + _MOST_V:
                 place = (v & (ring - 1)) * lanes
                 fill(there(job[AT.v]), job[AT.v_stride], begin, final, v, nv, views[1][0], place)
                 fill(there(job[AT.a]), job[AT.a_stride], begin, final, v, nv, views[2][0], place)

@@ -141,5 +141,20 @@ def int_at(context: Any, address: Any) -> Any:
     return types.int64(types.int64), emit
 
 
+@intrinsic
+def new_reference(context: Any, address: Any) -> Any:
+    """``new_reference(address)``: the address of an object of Python's, which is counted as held once more."""
+
+    def emit(context: Any, builder: Any, form: Any, arguments: Sequence[Any]) -> Any:
+        # Objects that live for ever (Python 3.12 and later) have the count's upper bits set, and may keep them.
+        place = builder.inttoptr(arguments[0], _INT.as_pointer())
+        more = builder.add(builder.load(place), ir.Constant(_INT, 1))
+        with builder.if_then(builder.icmp_unsigned("!=", more, ir.Constant(_INT, 0))):
+            builder.store(more, place)
+        return arguments[0]
+
+    return types.int64(types.int64), emit
+
+
 def _function(builder: Any, address: Any, result: Any, arguments: Sequence[Any]) -> Any:
     return builder.inttoptr(address, ir.FunctionType(result, arguments).as_pointer())
