@@ -68,9 +68,9 @@ def check_shapes(model: Model, q: ArrayLike, v: ArrayLike, a: ArrayLike, externa
     samples = 1 if single else len(arrays["q"])
     if samples == 0:
         raise InputError("q, v, a: got no sample (T = 0), expected at least one")
-    columns = (array.reshape(samples, array.shape[-1]) for array in arrays.values())
+    columns = {name: array.reshape(samples, array.shape[-1]) for name, array in arrays.items()}
     forces = None if external is None else _check_external(len(model), samples, single, external)
-    return JointState(*columns, forces, single)
+    return JointState(columns["q"], columns["v"], columns["a"], forces, single)
 
 
 def check_coordinate_shape(model: Model, q: ArrayLike) -> Array:

@@ -140,7 +140,7 @@ class _Plan(np.ndarray):
 
 
 class _Method(ctypes.Structure):
-    """``PyMethodDef``"""
+    """``PyMethodDef``."""
 
     _fields_ = (
         ("name", ctypes.c_char_p), ("code", ctypes.c_void_p), ("flags", ctypes.c_int), ("description", ctypes.c_char_p),

@@ -1,4 +1,4 @@
-"""Where a joint places its body in the parent, by the kind of the joint. Only building the kernels imports this module."""
+"""Where a joint places its body in the parent, by its kind. Only building the kernels imports this module."""
 
 from typing import Any
 
@@ -33,7 +33,11 @@ def joint_turn(real: Real, *, per_lane: bool = False) -> Any:
     take, take_two = real.take_columns(1), real.take_columns(2)
     one, two, three = (real.record(count, per_lane=per_lane) for count in (1, 2, 3))
     angle, added_angle, slide = real.lift(steps.angle, 2), real.lift(steps.added_angle, 2), real.lift(steps.slide, 3)
-    constant_turn, fraction, steady = real.lift(steps.constant_turn, 2), real.lift(steps.fraction), real.lift(steps.at_rest, 3)
+    constant_turn, fraction, steady = (
+        real.lift(steps.constant_turn, 2),
+        real.lift(steps.fraction),
+        real.lift(steps.at_rest, 3),
+    )
     invalid_angle, invalid_length = real.lift(steps.invalid_angle), real.lift(steps.invalid_length)
 
     @compiled

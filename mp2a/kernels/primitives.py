@@ -94,6 +94,24 @@ def pause(context: Any) -> Any:
     return types.void(), emit
 
 
+def prefetch(*, writing: bool) -> Any:
+    """Make ``f(pointer, place)``: have the number at a place brought to where it can be read, or written, at once."""
+
+    @intrinsic
+    def bring(context: Any, pointer: Any, place: Any) -> Any:
+        def emit(context: Any, builder: Any, form: Any, arguments: Sequence[Any]) -> Any:
+            place = builder.gep(arguments[0], [arguments[1]])
+            kinds = [place.type, _INT, _INT, _INT]
+            function = ir.FunctionType(ir.VoidType(), kinds)
+            bring = cgutils.get_or_insert_function(builder.module, function, "llvm.prefetch.p0")
+            builder.call(bring, [place, *(ir.Constant(_INT, number) for number in (int(writing), 3, 1))])
+            return context.get_dummy_value()
+
+        return types.void(pointer, types.int64), emit
+
+    return bring
+
+
 @intrinsic
 def call(context: Any, address: Any, arguments: Any) -> Any:
     """``call(address, arguments)`` calls a C function that takes 64-bit integers or pointers and returns nothing."""

@@ -4,4 +4,7 @@ from mp2a.serial.placements import placements, placements_direct, placements_num
 from mp2a.serial.reduce_block import reduce_block, reduce_block_numpy
 from mp2a.serial.rnea import Recursion, rnea, rnea_direct, rnea_numpy
 
-__all__ = ["Recursion", "placements", "placements_direct", "placements_numpy", "reduce_block", "reduce_block_numpy", "rnea", "rnea_direct", "rnea_numpy"]
+__all__ = [
+    "Recursion", "placements", "placements_direct", "placements_numpy", "reduce_block", "reduce_block_numpy", "rnea",
+    "rnea_direct", "rnea_numpy",
+]  # fmt: skip

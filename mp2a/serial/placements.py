@@ -5,6 +5,7 @@ is not as it should be.
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mp2a.joint_kinematics import joint_transforms
 from mp2a.kernels import batch, direct
@@ -48,7 +49,7 @@ def placements(model: Model, q: Array, *, threads: int | None = None, out: Place
     return out
 
 
-def placements_direct(model: Model, q: object, out: Placement | None = None) -> Placement | None:
+def placements_direct(model: Model, q: ArrayLike, out: Placement | None = None) -> Placement | None:
     """Place the bodies for one sample given as a contiguous array of doubles; None if it is not."""
     run = direct.PLACEMENTS.get(model)
     if run is None:

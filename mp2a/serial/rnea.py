@@ -4,9 +4,10 @@ Compiled kernels run it where there are any, and `rnea_numpy` where there are no
 not as it should be.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mp2a.joint_kinematics import BaseMotion, joint_motion, joint_torque
 from mp2a.kernels import batch, direct, long
@@ -84,7 +85,7 @@ def rnea(
     return Recursion(_put(torque, out), None if table is None else _put(table, rows), base_force)
 
 
-def rnea_direct(model: Model, q: object, v: object, a: object, out: object = None) -> Array | None:
+def rnea_direct(model: Model, q: ArrayLike, v: ArrayLike, a: ArrayLike, out: Any = None) -> Array | None:
     """Inverse dynamics of one sample given as contiguous arrays of doubles, in the model's gravity; None if it is not.
 
     What a call of `rnea` takes before the kernel runs is ten times what the kernel takes for an arm of seven joints.
