@@ -154,6 +154,8 @@ def rnea(
         check_values(model, state)
         torque, table = _by_messages(method, model, state, field, form, (torque_out, table_out), bodies=bodies)
     if table is None or places is None:
+        if out is not None:
+            return out
         return torque[0] if state.single else torque
     if isinstance(out, InverseDynamics):
         out.defer_placement(places)
