@@ -135,12 +135,12 @@ class Model:
         """``(n + 1,)``: body i's velocities are ``v[v_starts[i]:v_starts[i + 1]]``."""
         return read_only(np.cumsum([0, *(JOINTS[joint].nv for joint in self.joints)], dtype=np.intp))
 
-    @property
+    @cached_property
     def nq(self) -> int:
         """The number of coordinates."""
         return int(self.q_starts[-1])
 
-    @property
+    @cached_property
     def nv(self) -> int:
         """The number of degrees of freedom."""
         return int(self.v_starts[-1])
