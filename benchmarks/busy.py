@@ -38,7 +38,7 @@ def main() -> None:
     parser = script_parser(__doc__, "busy.json", repeats=25)
     parser.add_argument("--n", type=numbers, default=[8, 32, 128], help="numbers of bodies")
     parser.add_argument("--samples", type=int, default=2000, help="T (default: 2000)")
-    parser.add_argument("--neighbours", type=numbers, default=[0, 1, 2], help="numbers of busy processes")
+    parser.add_argument("--neighbours", type=int, nargs="+", default=[0, 1, 2], help="numbers of busy processes")
     options = parser.parse_args()
     need_kernels()
     results: dict[str, Any] = {"machine": describe_machine(), "samples": options.samples, "runs": []}
