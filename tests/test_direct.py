@@ -159,6 +159,14 @@ def test_callers_in_several_threads():
         assert max(callers.map(call, range(4), timeout=120)) < 1e-11
 
 
+def test_long_chains_are_not_called_directly():
+    """They give up the interpreter's lock, and are cut into blocks."""
+    model = Model.uniform(direct._MOST_BODIES + 1)
+    assert direct.RNEA.get(model) is None
+    assert mp2a.rnea(model, *model.random_state()).shape == (len(model),)
+    assert mp2a.placements(model, model.neutral).translation.shape == (len(model), 3)
+
+
 def test_where_objects_are_of_another_form(monkeypatch):
     """As in a Python without the lock that plans rely on."""
     monkeypatch.setattr(direct, "_is_usual", lambda: False)

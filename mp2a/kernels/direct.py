@@ -40,6 +40,10 @@ _LAID_OUT, _WRITEABLE = 0x0101, 0x0400
 
 _METH_FASTCALL = 0x0080
 
+_MOST_BODIES = 4000
+"""More take some tenths of a millisecond, in which other threads should have the interpreter; and what a call takes
+beside is then little."""
+
 DirectCall = Callable[..., bool | None]
 """``f(*results, *inputs)``: True if it did it; False if a number is not as it should be; None if it does not take such
 arrays. In both cases the results are as before."""
@@ -59,7 +63,7 @@ def direct(
     kernel: str, model: Model, tables: ModelTables, ends: tuple[int, int, int, int], results: tuple[int, ...],
     operands: Sequence[Operand], held: object = None,
 ) -> DirectCall | None:  # fmt: skip
-    """Make a function of a kernel; None if there are no compiled kernels.
+    """Make a function of a kernel; None if there are no compiled kernels, or too many bodies.
 
     Parameters
     ----------
@@ -75,7 +79,7 @@ def direct(
         What else has to live as long as the function does.
     """
     run, entry = kernels.compiled(kernel), kernels.compiled("direct_call")
-    if run is None or entry is None or not _is_usual():
+    if run is None or entry is None or not _is_usual() or len(model) > _MOST_BODIES:
         return None
     at, scratch = kernels.pointer, np.empty(tables.scratch)
     constants = at(tables.body_constants), at(tables.frame_constants), at(tables.topology)
