@@ -24,19 +24,19 @@ from mp2a.kernels.tables import AT, SCALAR, KernelJob, ModelTables
 from mp2a.model import Model
 from mp2a.spatial import Array
 
-CODE, JOB, SCRATCH, VERDICT_PLACE, VERDICT, ARRAY_TYPE, NUMBER_TYPE, ANSWER, ARRAYS, FIRST = *range(8), 10, 11
+CODE, JOB, SCRATCH, VERDICT_PLACE, VERDICT, ARRAY_TYPE, ANSWER, ARRAYS, FIRST = *range(7), 9, 10
 """Numbers of a plan: addresses of the kernel's code, of its job, scratch memory and verdict; the verdict; the
-addresses of what an array and its number format have to be, and of the three answers; how many arrays there are, and
-where the first one's record begins."""
+addresses of the type of arrays and of the three answers; how many arrays there are, and where the first one's record
+begins."""
 
-PLACE, SOURCE, SIZE, FLAGS, AXES, SHAPE = range(6)
+PLACE, SOURCE, SIZE, FLAGS, FORM = range(5)
 """Numbers of a record: the place in the job that an input goes to; where a result comes from, else 0; how many numbers
-it has; flags that the array must have; its number of axes, and their lengths."""
+it has; flags that the array must have; and its form, as `mp2a.kernels.replay` describes it for a read."""
 
-RECORD = 8
+RECORD = 10
 
-_LAID_OUT, _WRITEABLE = 0x0101, 0x0400
-"""numpy's flags: aligned, with rows that lie one behind the other; and writeable."""
+_WRITEABLE = 0x0400
+"""numpy's flag."""
 
 _METH_FASTCALL = 0x0080
 
@@ -91,16 +91,14 @@ def direct(
     plan: NDArray[np.int64] = np.zeros(FIRST + RECORD * len(operands), dtype=np.int64)
     plan[CODE], plan[JOB], plan[SCRATCH] = kernels.address(run), numbers.ctypes.data, scratch.ctypes.data
     plan[VERDICT_PLACE] = plan.ctypes.data + 8 * VERDICT
-    plan[ARRAY_TYPE], plan[NUMBER_TYPE] = id(np.ndarray), id(np.dtype(np.float64))
+    plan[ARRAY_TYPE], plan[ARRAYS] = id(np.ndarray), len(operands)
     plan[ANSWER:ARRAYS] = id(True), id(False), id(None)
-    plan[ARRAYS] = len(operands)
     for record, operand in zip(plan[FIRST:].reshape(-1, RECORD), operands, strict=True):
-        if operand.source is None:
-            record[PLACE], record[FLAGS] = operand.place, _LAID_OUT
-        else:
-            record[SOURCE], record[FLAGS] = operand.source.ctypes.data, _LAID_OUT | _WRITEABLE
-        record[SIZE], record[AXES] = np.prod(operand.shape), len(operand.shape)
-        record[SHAPE : SHAPE + len(operand.shape)] = operand.shape
+        record[PLACE], record[SIZE] = operand.place, np.prod(operand.shape)
+        if operand.source is not None:
+            record[SOURCE], record[FLAGS] = operand.source.ctypes.data, _WRITEABLE
+        form = kernels.number_type(np.dtype(np.float64)), len(operand.shape), 0, *operand.shape
+        record[FORM : FORM + len(form)] = form
     owner = plan.view(_Plan)
     owner.held = numbers, scratch, tables, operands, held
     call: DirectCall = _new_function()(ctypes.addressof(_method()), owner, None)

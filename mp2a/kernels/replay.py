@@ -21,7 +21,7 @@ WHAT, COUNT, ARRAYS, STEP = 0, 1, 2, 7
 Of a start and an await: the requests and how many there are. Of a read: where to put so many numbers (0: nowhere),
 where the address of the array object lies, what none of them may be beyond, and the form of the array: what doubles
 are known by, how many axes it has besides that of samples, and the lengths of all axes. Of a check of length: where so
-many samples lie, how many numbers each has, and which of them have to have length 1. A copy and an add count numbers."""
+many samples lie, how many numbers each has, and which of them have to have length 1. Copy and add count numbers."""
 
 START, AWAIT, READ, CHECK_LENGTH, COPY, ADD = range(6)
 """The first of `mp2a.kernels.STEPS`, which are no kernels."""
@@ -67,7 +67,7 @@ def _add(step: Any) -> None:
 
 
 @compiled
-def _is_plain(array_at: Any, form: Any, axis: Any) -> Any:
+def is_plain(array_at: Any, form: Any, axis: Any) -> Any:
     """Tell whether an array object holds contiguous doubles and has the axes it should have."""
     array, axes = integers_at(array_at), form[1] + axis
     kind = integers_at(array[5] + TYPE_AT)[0] & TYPE_BITS
@@ -83,7 +83,7 @@ def _is_plain(array_at: Any, form: Any, axis: Any) -> Any:
 def _read(step: Any, axis: Any) -> Any:
     """Copy an array that is as it should be; returns whether all numbers are within the bound, which no NaN is."""
     array_at = integers_at(step[ARRAYS + 1])[0] + POINTER
-    if not _is_plain(array_at, integers_at(step[ARRAYS + 3]), axis):
+    if not is_plain(array_at, integers_at(step[ARRAYS + 3]), axis):
         return False
     given = doubles_at(integers_at(array_at)[0])
     bound, good = doubles_at(step[ARRAYS + 2])[0], True
