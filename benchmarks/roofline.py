@@ -72,7 +72,7 @@ def run(n: int, samples: int, repeats: int) -> dict[str, Any]:
     model = Model.random(n)
     state = model.random_state(samples)
     size = min(n * samples, _LARGEST_STREAM)
-    scratch = make_tables(model, NUMBER_FORMATS[np.dtype(np.float64)], bodies=False).scratch
+    scratch = make_tables(model, NUMBER_FORMATS[np.dtype(np.float64)], False).scratch
     return {
         "n": n,
         "seconds": take_turns({case: ours(model, state, *_parts(case)) for case in CASES}, repeats),

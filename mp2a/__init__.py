@@ -69,9 +69,11 @@ __all__ = [*_HOMES, *_MODULES, "__version__"]  # noqa: PLE0604
 def __getattr__(name: str) -> Any:
     if name in _MODULES:
         return import_module(f"mp2a.{name}")
-    if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
-    raise AttributeError(f"module 'mp2a' has no attribute {name!r}")
+    if name not in _HOMES:
+        raise AttributeError(f"module 'mp2a' has no attribute {name!r}")
+    # Kept, for to look it up anew takes as long as the inverse dynamics of an arm.
+    value = globals()[name] = getattr(import_module(_HOMES[name]), name)
+    return value
 
 
 def __dir__() -> list[str]:

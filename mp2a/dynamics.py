@@ -16,7 +16,14 @@ from mp2a.methods.local import solve_locally
 from mp2a.model import Model
 from mp2a.results import InverseDynamics, Placement
 from mp2a.spatial import Array
-from mp2a.validation import JointState, check_gravity, check_model, check_shapes, check_state, check_values
+from mp2a.validation import (
+    JointState,
+    check_coordinate_shape,
+    check_gravity,
+    check_model,
+    check_shapes,
+    check_values,
+)
 
 if TYPE_CHECKING:
     import pinocchio
@@ -115,6 +122,18 @@ def rnea(
     >>> mp2a.rnea(model, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]).round(3).tolist()
     [-44.145, -19.62, -4.905]
     """
+    if (
+        method == "serial"
+        and external_forces is None
+        and gravity is None
+        and threads is None
+        and dtype is np.float64
+        and not bodies
+        and type(model) is Model
+    ):
+        torque = serial.rnea_direct(model, q, v, a, out)
+        if torque is not None:
+            return torque
     if method != "serial":
         check_method(method)
     if threads is not None:
@@ -135,6 +154,8 @@ def rnea(
         check_values(model, state)
         torque, table = _by_messages(method, model, state, field, form, (torque_out, table_out), bodies=bodies)
     if table is None or places is None:
+        if out is not None:
+            return out
         return torque[0] if state.single else torque
     if isinstance(out, InverseDynamics):
         out.defer_placement(places)
@@ -165,7 +186,9 @@ def _by_messages(
     return torque, table
 
 
-def placements(model: "Model | pinocchio.Model", q: ArrayLike) -> Placement:
+def placements(
+    model: "Model | pinocchio.Model", q: ArrayLike, *, threads: int | None = None, out: Placement | None = None
+) -> Placement:
     """Tell where the bodies of a chain or tree are.
 
     Parameters
@@ -173,7 +196,11 @@ def placements(model: "Model | pinocchio.Model", q: ArrayLike) -> Placement:
     model
         n bodies, as `rnea` takes them.
     q
-        Coordinates, ``(nq,)`` or ``(T, nq)``; rad and m.
+        Coordinates, ``(nq,)`` or ``(T, nq)``; rad and m. Either layout in memory is taken as it is, as by `rnea`.
+    threads
+        The number of threads that share the samples, as in `rnea`.
+    out
+        What an earlier call with as many samples returned, to be filled again and returned.
 
     Returns
     -------
@@ -186,10 +213,33 @@ def placements(model: "Model | pinocchio.Model", q: ArrayLike) -> Placement:
     InputError
         As for `rnea`.
     """
+    if threads is None and type(model) is Model:
+        placement = serial.placements_direct(model, q, out)
+        if placement is not None:
+            return placement
+    if threads is not None:
+        count("threads", threads)
     model = check_model(model)
-    still = np.zeros((*np.shape(q)[:-1], model.nv))
-    state = check_state(model, q, still, still, None)
-    return _place(model, state.q, state.single, np.dtype(np.float64))
+    coordinates = check_coordinate_shape(model, q)
+    lead = coordinates.shape[:-1]
+    target = None if out is None else _placement_target(out, (*lead, len(model)))
+    if target is not None and any(np.may_share_memory(part, coordinates) for part in target):
+        coordinates = coordinates.copy()
+    samples = coordinates.reshape(-1, model.nq)
+    if target is not None:
+        target = Placement(*(part.reshape(len(samples), *part.shape[len(lead) :]) for part in target))
+    whole = serial.placements(model, samples, threads=threads, out=target)
+    return out if out is not None else Placement(*(part.reshape(*lead, *part.shape[1:]) for part in whole))
+
+
+def _placement_target(out: object, lead: tuple[int, ...]) -> Placement:
+    shapes = (*lead, 3, 3), (*lead, 3)
+    if isinstance(out, Placement) and all(
+        isinstance(part, np.ndarray) and part.shape == shape and part.dtype == np.float64 and part.flags.carray
+        for part, shape in zip(out, shapes, strict=True)
+    ):
+        return out
+    raise InputError(f"out: got {type(out).__name__}, expected what an earlier call returned for {shapes[1]} positions")
 
 
 def _place(model: Model, q: Array, single: bool, form: np.dtype) -> Placement:

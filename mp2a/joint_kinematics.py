@@ -33,7 +33,9 @@ class BaseMotion(NamedTuple):
     @classmethod
     def at_rest(cls, gravity: Array) -> "BaseMotion":
         """Motion of a base that stands still in a field ``(3,)`` m/s², which feels like an acceleration against it."""
-        return cls(np.zeros(6), np.concatenate((np.zeros(3), -gravity)))
+        velocity, acceleration = np.zeros((2, 6))
+        np.negative(gravity, out=acceleration[3:])
+        return cls(velocity, acceleration)
 
 
 def joint_transforms(model: Model, q: Array) -> tuple[Array, Array]:

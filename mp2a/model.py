@@ -1,7 +1,7 @@
 """The formation as a multibody: bodies, the virtual joints between them, and who hangs on whom."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
@@ -135,12 +135,12 @@ class Model:
         """``(n + 1,)``: body i's velocities are ``v[v_starts[i]:v_starts[i + 1]]``."""
         return read_only(np.cumsum([0, *(JOINTS[joint].nv for joint in self.joints)], dtype=np.intp))
 
-    @property
+    @cached_property
     def nq(self) -> int:
         """The number of coordinates."""
         return int(self.q_starts[-1])
 
-    @property
+    @cached_property
     def nv(self) -> int:
         """The number of degrees of freedom."""
         return int(self.v_starts[-1])
@@ -159,6 +159,11 @@ class Model:
     def origin_inertias(self) -> Array:
         """The rotational inertias about the bodies' origins, ``(n, 3, 3)``, kg m²."""
         return read_only(inertia_at_origin(self.masses, self.coms, self.inertias))
+
+    @cached_property
+    def derived(self) -> dict[Hashable, Any]:
+        """What others have worked out of the model, such as tables of kernels, and want to find again."""
+        return {}
 
     @cached_property
     def neutral(self) -> Array:

@@ -58,10 +58,8 @@ def check_shapes(model: Model, q: ArrayLike, v: ArrayLike, a: ArrayLike, externa
     InputError
         Naming the argument, what was given and what was expected.
     """
-    arrays = {"q": numbers("q", q), "v": numbers("v", v), "a": numbers("a", a)}
-    for (name, values), width in zip(arrays.items(), (model.nq, model.nv, model.nv), strict=True):
-        if values.ndim not in (1, 2) or values.shape[-1] != width:
-            raise InputError(f"{name}: got shape {values.shape}, expected ({width},) or (T, {width})")
+    widths = zip(("q", "v", "a"), (q, v, a), (model.nq, model.nv, model.nv), strict=True)
+    arrays = {name: _samples_of(name, values, width) for name, values, width in widths}
     if not arrays["q"].shape[:-1] == arrays["v"].shape[:-1] == arrays["a"].shape[:-1]:
         shapes = {name: array.shape[:-1] for name, array in arrays.items()}
         counts = ", ".join(f"{name} has {shape[0] if shape else 'no'} samples" for name, shape in shapes.items())
@@ -73,6 +71,39 @@ def check_shapes(model: Model, q: ArrayLike, v: ArrayLike, a: ArrayLike, externa
     columns = {name: array.reshape(samples, array.shape[-1]) for name, array in arrays.items()}
     forces = None if external is None else _check_external(len(model), samples, single, external)
     return JointState(columns["q"], columns["v"], columns["a"], forces, single)
+
+
+def check_coordinate_shape(model: Model, q: ArrayLike) -> Array:
+    """Check the shape of coordinates alone, ``(nq,)`` or ``(T, nq)``.
+
+    Raises
+    ------
+    InputError
+        Naming what was given and what was expected.
+    """
+    values = _samples_of("q", q, model.nq)
+    if len(values) == 0:
+        raise InputError("q: got no sample (T = 0), expected at least one")
+    return values
+
+
+def _samples_of(name: str, values: ArrayLike, width: int) -> Array:
+    samples = numbers(name, values)
+    if samples.ndim not in (1, 2) or samples.shape[-1] != width:
+        raise InputError(f"{name}: got shape {samples.shape}, expected ({width},) or (T, {width})")
+    return samples
+
+
+def check_coordinates(model: Model, q: Array) -> None:
+    """Check that coordinates ``(T, nq)`` are finite, and quaternions, cosines and sines of length 1.
+
+    Raises
+    ------
+    InputError
+        Naming the joint, what was given and what was expected.
+    """
+    _check_finite(model, {"q": q})
+    _check_units(model, q)
 
 
 def check_values(model: Model, state: JointState) -> None:

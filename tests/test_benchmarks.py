@@ -81,6 +81,24 @@ def test_long(tmp_path):
     assert (tmp_path / "long.png").stat().st_size > 10_000
 
 
+def test_single(tmp_path):
+    printed, written = run("single.py", tmp_path / "single.json", "--n", "2,3")
+    assert {row[0] for row in tables(printed)} == {"model", "---", "2 joints", "3 joints"}
+    assert all(len(found["seconds"]) == 7 for found in written["runs"])
+
+
+def test_placements(tmp_path):
+    printed, written = run("placements.py", tmp_path / "placements.json", "--n", "2,3", "--samples", "20")
+    assert {"2", "3"} < {row[0] for row in tables(printed)}
+    assert all(len(found["seconds"]) == 6 for found in written["runs"])
+
+
+def test_busy(tmp_path):
+    _, written = run("busy.py", tmp_path / "busy.json", "--n", "2", "--samples", "20", "--neighbours", "0", "1")
+    assert [found["neighbours"] for found in written["runs"]] == [0, 1]
+    assert all(len(turns) == 2 for found in written["runs"] for turns in found["seconds"].values())
+
+
 def test_roofline(tmp_path):
     _, written = run("roofline.py", tmp_path / "roofline.json", "--n", "2,4", "--samples", "50")
     assert all(set(found["seconds"]) == set(written["counts"]) for found in written["runs"])

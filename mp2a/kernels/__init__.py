@@ -74,6 +74,14 @@ def pointer(array: NDArray[Any]) -> int:
     return id(array) + POINTER
 
 
+@cache
+def yield_address() -> int:
+    """Return the address of the system's ``sched_yield``, for kernels that wait."""
+    import ctypes
+
+    return ctypes.cast(ctypes.CDLL(None).sched_yield, ctypes.c_void_p).value or 0
+
+
 LARGEST_ANGLE = 1e6
 """Angle up to which compiled sines and cosines are exact to rounding, rad."""
 
@@ -110,9 +118,7 @@ def rounds() -> Callable[[int, int, int], int] | None:
     run = compiled("replay")
     if run is None:
         return None
-    import ctypes
-
-    outside = [ctypes.cast(ctypes.CDLL(None).sched_yield, ctypes.c_void_p).value or 0]
+    outside = [yield_address()]
     outside += [address(_run[step]) if step in _run else 0 for step in STEPS]
     _kept.append(np.array(outside, dtype=np.int64))
     return cast("Callable[[int, int, int], int]", partial(run, _kept[-1].ctypes.data))

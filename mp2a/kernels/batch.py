@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -9,21 +10,23 @@ from numpy.typing import NDArray
 
 from mp2a import cores, kernels
 from mp2a.joint_kinematics import BaseMotion
-from mp2a.kernels.library import Kernel
 from mp2a.kernels.model_cache import ModelCache
-from mp2a.kernels.tables import NUMBER_FORMATS, KernelJob, ModelTables, NumberFormat, make_tables
+from mp2a.kernels.tables import NUMBER_FORMATS, SCALAR, KernelJob, NumberFormat, make_tables
+from mp2a.kernels.thread_choice import CHOICES
 from mp2a.kernels.thread_pool import THREAD_POOL
 from mp2a.model import Model
+from mp2a.results import Placement
 from mp2a.spatial import Array
 from mp2a.validation import JointState
 
 _WORTH_A_THREAD = 5_000
-"""Bodies times samples from which on another thread gains more than waking it takes."""
+"""Bodies times samples from which on another thread may gain more than waking it takes."""
 
 _FEWEST_PIECES, _PIECES = 2, 8
 """Pieces of the work for each thread, so that one that is held up leaves some to the others."""
 
-_TABLES: ModelCache[ModelTables] = ModelCache()
+TABLES = ModelCache(make_tables)
+"""Tables of models, by number format and whether motion and force of the bodies are asked for."""
 
 
 class KernelResult(NamedTuple):
@@ -53,8 +56,10 @@ class BlockReduction(NamedTuple):
 
 def pack_base(base: BaseMotion) -> Array:
     """Motion of a base in the order of the kernels, ``(12,)`` or ``(T, 12)``: ω, ω̇, v̇, v."""
-    velocity, acceleration = np.broadcast_arrays(*base)
-    return np.concatenate((velocity[..., :3], acceleration, velocity[..., 3:]), axis=-1)
+    velocity, acceleration = base
+    packed = np.empty((*max(velocity.shape[:-1], acceleration.shape[:-1]), 12))
+    packed[..., :3], packed[..., 3:9], packed[..., 9:] = velocity[..., :3], acceleration, velocity[..., 3:]
+    return packed
 
 
 def rnea(
@@ -84,7 +89,8 @@ def rnea(
     bodies
         Return motion and force of every body as well.
     threads
-        How many share the samples; None: as many as this process has cores and the work is worth.
+        How many share the samples; None: one, or as many as this process has cores and the work is worth, whichever
+        was quicker of late.
     dtype
         Number format of the arithmetic and of the result, double or single.
     out
@@ -97,9 +103,9 @@ def rnea(
     KernelResult or None
         None if there are no compiled kernels.
     """
-    form = NUMBER_FORMATS[np.dtype(dtype)]
-    run = kernels.compiled(f"rnea_{form.name}" + ("_bodies" if bodies else ""))
-    if run is None:
+    form = _format(state.samples, dtype)
+    name = f"rnea_{form.name}" + ("_bodies" if bodies else "")
+    if kernels.compiled(name) is None:
         return None
     samples, inputs = state.samples, _input(state, form)
     torque = out
@@ -115,7 +121,7 @@ def rnea(
     at = kernels.pointer
     ends = at(base), 12 * (base.ndim - 1), at(tip), 6 * (tip.ndim - 1)
     results = at(torque), _stride(torque, inputs.columnwise), at(output), padded, at(root), 0
-    valid = _run(run, model, inputs, ends, results, form, threads, bodies=bodies)
+    valid = _run(name, model, inputs, ends, results, form, threads, bodies=bodies)
     return KernelResult(torque, output if bodies else None, root[:, :samples], valid)
 
 
@@ -136,19 +142,51 @@ def reduce_block(
     BlockReduction or None
         None if there are no compiled kernels.
     """
-    run, form = kernels.compiled("reduce_block"), NUMBER_FORMATS[np.dtype(np.float64)]
-    if run is None:
+    if kernels.compiled("reduce_block") is None:
         return None
+    form = NUMBER_FORMATS[np.dtype(np.float64)]
     samples, inputs = state.samples, _input(state, form)
     padded = -(-samples // form.lanes) * form.lanes
     path, below = np.empty((24, padded)), np.empty((28, padded)) if inertia else None
     at = kernels.pointer
     # The kernel has no torque to write, but looks where it would be.
     results = at(inputs.held[0]), 0, at(path), padded, 0 if below is None else at(below), 0
-    valid = _run(run, model, inputs, (0, 0, 0, 0), results, form, threads, bodies=False)
+    valid = _run("reduce_block", model, inputs, (0, 0, 0, 0), results, form, threads, bodies=False)
     whole, under = (None if x is None else np.ascontiguousarray(x[:, :samples].T) for x in (path, below))
     assert whole is not None
     return BlockReduction(whole, under, valid)
+
+
+def placements(model: Model, q: Array, out: Placement, threads: int | None = None) -> bool | None:
+    """Place the bodies of many samples; see `mp2a.kernels.placements`.
+
+    Parameters
+    ----------
+    model, threads
+        As `rnea` takes them.
+    q
+        Coordinates ``(T, nq)``; the kernel notices by itself if they are not what they should be.
+    out
+        Where to put the placements, ``(T, n, 3, 3)`` and ``(T, n, 3)``, contiguous doubles that do not overlap ``q``.
+
+    Returns
+    -------
+    bool or None
+        Whether every sample is valid; None if there are no compiled kernels.
+    """
+    form = _format(len(q), np.float64)
+    name = f"placements_{form.name}"
+    if kernels.compiled(name) is None:
+        return None
+    inputs = _input(JointState(q, q, q, None, False), form)
+    at = kernels.pointer
+    results = at(inputs.held[0]), 0, at(out.rotation), 0, at(out.translation), 0
+    return _run(name, model, inputs, (0, 0, 0, 0), results, form, threads, bodies=True)
+
+
+def _format(samples: int, dtype: np.dtype | type) -> NumberFormat:
+    form = NUMBER_FORMATS[np.dtype(dtype)]
+    return SCALAR if samples == 1 and form.dtype == SCALAR.dtype else form
 
 
 class _Input(NamedTuple):
@@ -178,34 +216,43 @@ def _overlaps(result: Array, inputs: _Input) -> bool:
 
 
 def _run(
-    run: Kernel, model: Model, inputs: _Input, ends: tuple[int, ...], results: tuple[int, ...], form: NumberFormat,
+    name: str, model: Model, inputs: _Input, ends: tuple[int, ...], results: tuple[int, ...], form: NumberFormat,
     threads: int | None, *, bodies: bool,
 ) -> bool:  # fmt: skip
     """Run a kernel in some threads; tells whether all samples are valid."""
+    run = kernels.compiled(name)
+    assert run is not None
     samples = len(inputs.held[0])
-    chunks, work_there_is = -(-samples // form.lanes), len(model) * samples
-    threads = _threads(threads, work_there_is, chunks)
-    pieces = min(chunks, threads * max(_FEWEST_PIECES, min(_PIECES, work_there_is // (threads * _WORTH_A_THREAD))))
+    chunks, work = -(-samples // form.lanes), len(model) * samples
     at = kernels.pointer
-    tables = _TABLES.get(model, (form.name, bodies), lambda: make_tables(model, form, bodies=bodies))
+    tables = TABLES.get(model, form, bodies)
     constants = at(tables.body_constants), at(tables.frame_constants), at(tables.topology)
     sizes = len(model), samples, model.nq, model.nv, inputs.columnwise
     job: NDArray[np.int64] = np.array(
         KernelJob._make((*sizes, *constants, *ends, *inputs.numbers, *results)), dtype=np.int64
     )
-    return THREAD_POOL.run(run, job, chunks, pieces, np.empty((threads, tables.scratch), form.dtype))
 
+    def share(count: int) -> bool:
+        count = min(count, chunks)
+        pieces = min(chunks, count * max(_FEWEST_PIECES, min(_PIECES, work // (count * _WORTH_A_THREAD))))
+        return THREAD_POOL.run(run, job, chunks, pieces, np.empty((count, tables.scratch), form.dtype))
 
-def _threads(requested: int | None, work: int, chunks: int) -> int:
-    if requested is None:
-        requested = min(cores.threads_per_rank(), work // _WORTH_A_THREAD) if work >= 2 * _WORTH_A_THREAD else 1
-    return max(1, min(requested, chunks))
+    if threads is not None:
+        return share(threads)
+    most = min(cores.threads_per_rank(), work // _WORTH_A_THREAD)
+    if most < 2:
+        return share(1)
+    choice, start = CHOICES.get(model, name, work.bit_length()), perf_counter()
+    shared = choice.is_shared()
+    valid = share(most if shared else 1)
+    choice.note(shared, perf_counter() - start)
+    return valid
 
 
 def _fits(array: Array, columnwise: bool) -> bool:
     """Tell whether the kernel can take an array as it lies, with the samples of a column together or not."""
     together, apart = array.strides if columnwise else array.strides[::-1]
-    return together == array.itemsize and apart % together == 0
+    return (together == array.itemsize or (columnwise and len(array) == 1)) and apart % array.itemsize == 0
 
 
 def _laid_out(array: Array, dtype: np.dtype, columnwise: bool) -> Array:

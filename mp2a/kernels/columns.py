@@ -7,9 +7,13 @@ are needed. Only building the kernels imports this module.
 from typing import Any
 
 from mp2a.kernels.lanes import Real
-from mp2a.kernels.primitives import compiled
+from mp2a.kernels.primitives import compiled, prefetch
 from mp2a.kernels.tables import AT, Q_COLUMN, TOPOLOGY, V_COLUMN
 from mp2a.kernels.transposition import transpose_in
+
+_AHEAD = 6
+"""Bodies. By then what lies in another page is there, also where the processor has to look up the page first: with many
+samples each column is in a page of its own, and there are more of these than it knows by heart."""
 
 _MOST_Q, _MOST_V = 7, 6
 """Columns of a body."""
@@ -45,13 +49,15 @@ def columns(real: Real) -> Any:
     return views
 
 
-def prefetch_columns(real: Real) -> Any:
+def prefetch_columns(real: Real, *, rates: bool = True) -> Any:
     """Make ``f(job, i, topology, views, begin, ready)``: have the columns of body i in the rings.
 
-    ``ready`` is how many columns of q, and of v and a, are there; returned as it is after.
+    Where kernels take columns as they lie, those of a body that comes soon are fetched ahead of time. ``ready`` is how
+    many columns of q, and of v and a, are in the rings; returned as it is after. Without ``rates`` only those of q are
+    wanted.
     """
     lanes, ring = real.lanes, 2 * real.lanes
-    there, fill = real.there(), transpose_in(real)
+    there, fill, bring = real.there(), transpose_in(real), prefetch(writing=False)
 
     @compiled
     def staged(job: Any, i: Any, topology: Any, views: Any, begin: Any, ready: Any) -> Any:
@@ -62,11 +68,33 @@ def prefetch_columns(real: Real) -> Any:
             if q < nq and q < topology[row + Q_COLUMN] + _MOST_Q:
                 fill(there(job[AT.q]), job[AT.q_stride], begin, final, q, nq, views[0][0], (q & (ring - 1)) * lanes)
                 q += lanes
-            if v < nv and v < topology[row + V_COLUMN] + _MOST_V:
+            if rates and v < nv and v < topology[row + V_COLUMN] + _MOST_V:
                 place = (v & (ring - 1)) * lanes
                 fill(there(job[AT.v]), job[AT.v_stride], begin, final, v, nv, views[1][0], place)
                 fill(there(job[AT.a]), job[AT.a_stride], begin, final, v, nv, views[2][0], place)
                 v += lanes
+        else:
+            later = i + _AHEAD
+            if later < job[AT.bodies]:
+                column = topology[later * TOPOLOGY + Q_COLUMN]
+                bring(views[0][0], column * views[0][2] + lanes - 1)
+                if rates:
+                    column = topology[later * TOPOLOGY + V_COLUMN]
+                    bring(views[1][0], column * views[1][2] + lanes - 1)
+                    bring(views[2][0], column * views[2][2] + lanes - 1)
         return q, v
+
+    return staged
+
+
+def prefetch_results(real: Real) -> Any:
+    """Make ``f(job, i, topology, view)``: fetch the torque's column of a body that comes soon, to be written."""
+    lanes, bring = real.lanes, prefetch(writing=True)
+
+    @compiled
+    def staged(job: Any, i: Any, topology: Any, view: Any) -> Any:
+        later = i - _AHEAD
+        if job[AT.columnwise] and later >= 0:
+            bring(view[0], topology[later * TOPOLOGY + V_COLUMN] * view[2] + lanes - 1)
 
     return staged

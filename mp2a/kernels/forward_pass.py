@@ -3,6 +3,7 @@
 from typing import Any
 
 from mp2a.kernels import steps
+from mp2a.kernels.joint_pose import joint_pose, joint_turn
 from mp2a.kernels.lanes import Real
 from mp2a.kernels.primitives import compiled
 
@@ -15,8 +16,6 @@ from mp2a.kernels.tables import (
     KIND,
     PLANAR,
     PRISMATIC,
-    Q_COLUMN,
-    REVOLUTE,
     SCREW,
     SLOT,
     TOPOLOGY,
@@ -45,107 +44,67 @@ def forward_pass(real: Real, motion: int, *, per_lane: bool) -> Any:
     """
     lanes = real.lanes
     put, store = real.put(), real.store()
-    two, three, nine = (real.record(count, per_lane=per_lane) for count in (2, 3, 9))
-    take = real.take_columns(1)
-    several = _several(real)
-    fork, single, general = (
-        real.lift(steps.fork, motion),
-        _single(real, motion, per_lane=per_lane),
-        real.lift(steps.general, motion),
-    )
+    two, take = real.record(2, per_lane=per_lane), real.take_columns(1)
+    joint_turn_of, joint_pose_of, rates_of = joint_turn(real, per_lane=per_lane), joint_pose(real), _rates(real)
+    fork, single, general = real.lift(steps.fork, motion), _single(real, motion), real.lift(steps.general, motion)
 
     @compiled
     def step(i: Any, state: Any, invalid: Any, tables: Any, memory: Any, views: Any) -> Any:
         body_constants, frame_constants, topology = tables
         q, v, a, _ = views
-        row, record, frame = i * TOPOLOGY, i * BODY_CONSTANTS, i * FRAME_CONSTANTS
-        slot = topology[row + SLOT]
-        place = three(body_constants, record + 2)
-        if topology[row + KIND] <= SCREW:
+        row = i * TOPOLOGY
+        kind, slot, column = topology[row + KIND], topology[row + SLOT], topology[row + V_COLUMN]
+        if kind <= SCREW:
             if topology[row + FORK]:
-                state = fork((state, two(frame_constants, frame + 18)))
-            rate = take(v, topology[row + V_COLUMN])[0]
-            growth = take(a, topology[row + V_COLUMN])[0]
-            state, invalid, turn, x = single(i, state, invalid, tables, q, place, rate, growth)
-            put(memory, slot, turn)
-            if topology[row + KIND] >= PRISMATIC:
+                state = fork((state, two(frame_constants, i * FRAME_CONSTANTS + 18)))
+            turn, place, x, invalid = joint_turn_of(i, invalid, tables, q)
+            shares = two(body_constants, i * BODY_CONSTANTS + 16)
+            state = single(kind, state, turn, place, take(v, column)[0], take(a, column)[0], shares)
+            put(memory, slot, turn[0:2])
+            if kind >= PRISMATIC:
                 store(memory, slot + 8 * lanes, x)
         else:
-            pose, rates, growths, invalid = several(i, invalid, tables, views, nine(frame_constants, frame + 9), place)
+            pose, invalid = joint_pose_of(i, invalid, tables, q)
             put(memory, slot, pose)
-            state = general((state, pose[0:9], pose[9:12], rates, growths))
+            state = general((state, pose[0:9], pose[9:12], rates_of(kind, v, column), rates_of(kind, a, column)))
         return state, invalid
 
     return step
 
 
-def _single(real: Real, motion: int, *, per_lane: bool) -> Any:
-    """Joints with one degree of freedom."""
-    take, take_two = real.take_columns(1), real.take_columns(2)
-    one, two = real.record(1, per_lane=per_lane), real.record(2, per_lane=per_lane)
-    screw, fraction = real.lift(steps.screw, motion), real.lift(steps.fraction)
-    angle, added_angle, slide = real.lift(steps.angle, 2), real.lift(steps.added_angle, 2), real.lift(steps.slide, 3)
-    constant_turn = real.lift(steps.constant_turn, 2)
+def _single(real: Real, motion: int) -> Any:
+    """Motion across joints with one degree of freedom."""
     revolute, prismatic = real.lift(steps.revolute, motion), real.lift(steps.prismatic, motion)
-    invalid_angle, invalid_length = real.lift(steps.invalid_angle), real.lift(steps.invalid_length)
+    screw = real.lift(steps.screw, motion)
 
     @compiled
-    def single(i: Any, state: Any, invalid: Any, tables: Any, q: Any, place: Any, rate: Any, growth: Any) -> Any:
-        body_constants, frame_constants, topology = tables
-        kind, column = topology[i * TOPOLOGY + KIND], topology[i * TOPOLOGY + Q_COLUMN]
-        tilt, offset = two(body_constants, i * BODY_CONSTANTS), i * FRAME_CONSTANTS + 20
-        x = take(q, column)[0]
+    def single(kind: Any, state: Any, turn: Any, place: Any, rate: Any, growth: Any, shares: Any) -> Any:
         if kind == PRISMATIC:
-            turn = constant_turn((two(frame_constants, offset),))
-            state = prismatic((state, turn + tilt, slide((x, place, tilt)), rate, growth))
+            state = prismatic((state, turn, place, rate, growth))
         elif kind == SCREW:
-            shares = two(body_constants, i * BODY_CONSTANTS + 16)
-            invalid = invalid_angle(
-                (invalid, fraction((x, shares[0])), one(body_constants, i * BODY_CONSTANTS + 15)[0])
-            )
-            turn = angle((fraction((x, shares[0])), one(body_constants, i * BODY_CONSTANTS + 15)[0]))
-            x = fraction((x, shares[1]))
-            state = screw((state, turn + tilt, slide((x, place, tilt)), rate, growth, shares))
+            state = screw((state, turn, place, rate, growth, shares))
         else:
-            if kind == REVOLUTE:
-                turn = angle((x, one(body_constants, i * BODY_CONSTANTS + 15)[0]))
-                invalid = invalid_angle((invalid, x, one(body_constants, i * BODY_CONSTANTS + 15)[0]))
-            else:
-                pair = take_two(q, column)
-                turn = added_angle((pair[0], pair[1], two(frame_constants, offset)))
-                invalid = invalid_length((invalid, pair))
-            state = revolute((state, turn + tilt, place, rate, growth))
-        return state, invalid, turn, x
+            state = revolute((state, turn, place, rate, growth))
+        return state
 
     return single
 
 
-def _several(real: Real) -> Any:
-    """Joints with several degrees of freedom: pose, rates of both orders, and what is invalid."""
-    three, four, six, seven = (real.take_columns(count) for count in (3, 4, 6, 7))
-    planar, spherical, free = (real.lift(formula, 12) for formula in (steps.planar, steps.spherical, steps.free))
-    planar_rates, spherical_rates = real.lift(steps.planar_rates, 6), real.lift(steps.spherical_rates, 6)
-    free_rates, invalid_length = real.lift(steps.free_rates, 6), real.lift(steps.invalid_length)
+def _rates(real: Real) -> Any:
+    """Columns of joints with several degrees of freedom as [angular; linear]."""
+    three, six = real.take_columns(3), real.take_columns(6)
+    planar, spherical, free = (
+        real.lift(formula, 6) for formula in (steps.planar_rates, steps.spherical_rates, steps.free_rates)
+    )
 
     @compiled
-    def several(i: Any, invalid: Any, tables: Any, views: Any, frame: Any, place: Any) -> Any:
-        topology = tables[2]
-        q, v, a, _ = views
-        kind, column = topology[i * TOPOLOGY + KIND], topology[i * TOPOLOGY + V_COLUMN]
-        x = four(q, topology[i * TOPOLOGY + Q_COLUMN])
+    def rates(kind: Any, view: Any, column: Any) -> Any:
         if kind == PLANAR:
-            invalid = invalid_length((invalid, x[2:4]))
-            pose = planar((x, frame, place))
-            rates, growths = planar_rates((three(v, column),)), planar_rates((three(a, column),))
+            values = planar((three(view, column),))
         elif kind == FREE:
-            y = seven(q, topology[i * TOPOLOGY + Q_COLUMN])
-            invalid = invalid_length((invalid, y[3:7]))
-            pose = free((y, frame, place))
-            rates, growths = free_rates((six(v, column),)), free_rates((six(a, column),))
+            values = free((six(view, column),))
         else:
-            invalid = invalid_length((invalid, x))
-            pose = spherical((x, frame, place))
-            rates, growths = spherical_rates((three(v, column),)), spherical_rates((three(a, column),))
-        return pose, rates, growths, invalid
+            values = spherical((three(view, column),))
+        return values
 
-    return several
+    return rates

@@ -282,6 +282,7 @@ class Real:
 
 DOUBLE = Real("double", types.float64, 8)
 SINGLE = Real("single", types.float32, 16)
+SCALAR = Real("scalar", types.float64, 1)
 
 
 @intrinsic

@@ -84,17 +84,18 @@ ARGUMENTS = {
         (
             "rnea_double", "rnea_double_bodies", "rnea_single", "rnea_single_bodies",
             "rnea_lanes", "rnea_lanes_bodies", "reduce_block",
-            "reduce_block_lanes",
+            "reduce_block_lanes", "rnea_scalar", "rnea_scalar_bodies", "placements_double", "placements_scalar",
         ),
         "nnnnn",
     ),
+    "direct_call": "nnn",
     "replay": "nnnn",
     "pool_worker": "nn",
     "pool_run": "n",
 }  # fmt: skip
 """The kernels, and what each takes: whole numbers (n; addresses too) and pointers (p)."""
 
-RESULTS = ("replay",)
+RESULTS = "direct_call", "replay"
 """Those of them that return a whole number."""
 
 BUILD_LIMIT = 300.0

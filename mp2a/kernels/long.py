@@ -62,9 +62,6 @@ class Cut(NamedTuple):
         return self.body_constants.shape[1]
 
 
-_CUTS: ModelCache[Cut] = ModelCache()
-
-
 def fits(model: Model, samples: int) -> bool:
     """Tell whether a chain is cut: one sample, long, without branches, and one degree of freedom a joint."""
     if samples != 1 or len(model) < WORTH_IT or not model.is_serial:
@@ -145,7 +142,7 @@ def _prepare(model: Model, state: JointState, threads: int | None, *, bodies: bo
     if threads is None:
         threads = max(1, min(cores.threads_per_rank(), len(model) // _WORTH_A_THREAD))
     groups = max(threads, -(-len(model) // (_LANES * _LONGEST)))
-    cut = _CUTS.get(model, (groups, bodies), lambda: _make_cut(model, groups, bodies))
+    cut = _CUTS.get(model, groups, bodies)
     places = groups * _LANES * cut.length
     angles, valid = _angles(model, state.q[0])
     columns = *(_filled(x, places) for x in (angles, state.v[0], state.a[0])), np.empty(places)
@@ -229,7 +226,7 @@ def _passed(paths: Array, own: Array, last: Array) -> Array:
 
 
 def _make_cut(model: Model, groups: int, bodies: bool) -> Cut:
-    n, whole = len(model), make_tables(model, _DOUBLE, bodies=bodies)
+    n, whole = len(model), make_tables(model, _DOUBLE, bodies)
     length = -(-n // (groups * _LANES))
     tables: list[Array] = []
     for table, ones in ((whole.body_constants, (0,)), (whole.frame_constants, (0, 4, 8, 18, 20))):
@@ -240,3 +237,6 @@ def _make_cut(model: Model, groups: int, bodies: bool) -> Cut:
         tables.append(np.ascontiguousarray(filled.reshape(groups, _LANES, length, columns).transpose(0, 2, 3, 1)))
     topology, scratch = lay_out_screws(length, _DOUBLE, bodies=bodies)
     return Cut(tables[0], tables[1], topology, scratch, whole.frame_constants[-1, :9].reshape(3, 3), [])
+
+
+_CUTS = ModelCache(_make_cut)

@@ -1,6 +1,5 @@
-"""What is worked out of a chain once and kept as long as the chain lives, for chains do not change."""
+"""What is worked out of a model once and lives as long as it does, for models do not change."""
 
-import weakref
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar
 
@@ -10,16 +9,22 @@ Entry = TypeVar("Entry")
 
 
 class ModelCache(Generic[Entry]):
-    """Things made of chains, by the chain itself (not by what is in it, which takes long to compare) and a key."""
+    """Things made of models, which the models hold themselves.
 
-    def __init__(self) -> None:
-        self._held: dict[tuple[int, Hashable], tuple[weakref.ref[Model], Entry]] = {}
+    Parameters
+    ----------
+    make
+        ``make(model, *key)``, called once for a model and a key.
+    """
 
-    def get(self, model: Model, key: Hashable, make: Callable[[], Entry]) -> Entry:
-        """Return what was made of a chain, or make it."""
-        place = id(model), key
-        known = self._held.get(place)
-        if known is None or known[0]() is not model:
-            known = weakref.ref(model, lambda _: self._held.pop(place, None)), make()
-            self._held[place] = known
-        return known[1]
+    def __init__(self, make: Callable[..., Entry]) -> None:
+        self._make = make
+
+    def get(self, model: Model, *key: Hashable) -> Entry:
+        """Return what was made of a model, or make it."""
+        place = self, key
+        try:
+            entry: Entry = model.derived[place]
+        except KeyError:
+            entry = model.derived[place] = self._make(model, *key)
+        return entry

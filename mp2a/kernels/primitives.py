@@ -94,6 +94,24 @@ def pause(context: Any) -> Any:
     return types.void(), emit
 
 
+def prefetch(*, writing: bool) -> Any:
+    """Make ``f(pointer, place)``: have the number at a place brought to where it can be read, or written, at once."""
+
+    @intrinsic
+    def bring(context: Any, pointer: Any, place: Any) -> Any:
+        def emit(context: Any, builder: Any, form: Any, arguments: Sequence[Any]) -> Any:
+            place = builder.gep(arguments[0], [arguments[1]])
+            kinds = [place.type, _INT, _INT, _INT]
+            function = ir.FunctionType(ir.VoidType(), kinds)
+            bring = cgutils.get_or_insert_function(builder.module, function, "llvm.prefetch.p0")
+            builder.call(bring, [place, *(ir.Constant(_INT, number) for number in (int(writing), 3, 1))])
+            return context.get_dummy_value()
+
+        return types.void(pointer, types.int64), emit
+
+    return bring
+
+
 @intrinsic
 def call(context: Any, address: Any, arguments: Any) -> Any:
     """``call(address, arguments)`` calls a C function that takes 64-bit integers or pointers and returns nothing."""
@@ -137,6 +155,21 @@ def int_at(context: Any, address: Any) -> Any:
 
     def emit(context: Any, builder: Any, form: Any, arguments: Sequence[Any]) -> Any:
         return builder.sext(builder.load(builder.inttoptr(arguments[0], _INT.as_pointer())), INDEX)
+
+    return types.int64(types.int64), emit
+
+
+@intrinsic
+def new_reference(context: Any, address: Any) -> Any:
+    """``new_reference(address)``: the address of an object of Python's, which is counted as held once more."""
+
+    def emit(context: Any, builder: Any, form: Any, arguments: Sequence[Any]) -> Any:
+        # Objects that live for ever (Python 3.12 and later) have the count's upper bits set, and may keep them.
+        place = builder.inttoptr(arguments[0], _INT.as_pointer())
+        more = builder.add(builder.load(place), ir.Constant(_INT, 1))
+        with builder.if_then(builder.icmp_unsigned("!=", more, ir.Constant(_INT, 0))):
+            builder.store(more, place)
+        return arguments[0]
 
     return types.int64(types.int64), emit
 

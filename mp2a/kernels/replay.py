@@ -67,7 +67,7 @@ def _add(step: Any) -> None:
 
 
 @compiled
-def _is_plain(array_at: Any, form: Any, axis: Any) -> Any:
+def is_plain(array_at: Any, form: Any, axis: Any) -> Any:
     """Tell whether an array object holds contiguous doubles and has the axes it should have."""
     array, axes = integers_at(array_at), form[1] + axis
     kind = integers_at(array[5] + TYPE_AT)[0] & TYPE_BITS
@@ -83,7 +83,7 @@ def _is_plain(array_at: Any, form: Any, axis: Any) -> Any:
 def _read(step: Any, axis: Any) -> Any:
     """Copy an array that is as it should be; returns whether all numbers are within the bound, which no NaN is."""
     array_at = integers_at(step[ARRAYS + 1])[0] + POINTER
-    if not _is_plain(array_at, integers_at(step[ARRAYS + 3]), axis):
+    if not is_plain(array_at, integers_at(step[ARRAYS + 3]), axis):
         return False
     given = doubles_at(integers_at(array_at)[0])
     bound, good = doubles_at(step[ARRAYS + 2])[0], True

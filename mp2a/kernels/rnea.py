@@ -11,7 +11,7 @@ from typing import Any
 
 from mp2a.kernels import steps
 from mp2a.kernels.backward_pass import backward_pass
-from mp2a.kernels.columns import columns, prefetch_columns
+from mp2a.kernels.columns import columns, prefetch_columns, prefetch_results
 from mp2a.kernels.forward_pass import forward_pass
 from mp2a.kernels.lanes import Real, integers
 from mp2a.kernels.primitives import compiled
@@ -125,7 +125,7 @@ def _back(real: Real, *, bodies: bool, per_lane: bool) -> Any:
     """Wrenches summed up towards the base, and the torques."""
     lanes, ring = real.lanes, 2 * real.lanes
     zero, put, report, empty, there = real.zero(), real.put(), scatter(real), transpose_out(real), real.there()
-    ahead = real.ahead()
+    ahead, staged = real.ahead(), prefetch_results(real)
     six_vectors, nine = real.vectors(6), real.record(9, per_lane=per_lane)
     step = backward_pass(real, per_lane=per_lane)
     total, turned = real.lift(steps.total, 6), real.lift(steps.turned, 6)
@@ -138,6 +138,7 @@ def _back(real: Real, *, bodies: bool, per_lane: bool) -> Any:
         pending = (nv - 1) // lanes * lanes
         for i in range(n - 1, -1, -1):
             row = i * TOPOLOGY
+            staged(job, i, topology, torque)
             force = total((carried, six_vectors(memory, topology[row + FORCE])))
             if bodies:
                 pressing = turned((force, nine(frame_constants, i * FRAME_CONSTANTS)))

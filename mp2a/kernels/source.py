@@ -1,7 +1,9 @@
 """The kernels by name: formulas, and functions for numba to compile. Only building imports this module."""
 
 from mp2a.kernels import formulas, joint_formulas
-from mp2a.kernels.lanes import DOUBLE, SINGLE
+from mp2a.kernels.direct_call import direct_call
+from mp2a.kernels.lanes import DOUBLE, SCALAR, SINGLE
+from mp2a.kernels.placements import placements
 from mp2a.kernels.reduce_block import reduce_block
 from mp2a.kernels.replay import replay
 from mp2a.kernels.rnea import rnea
@@ -24,6 +26,11 @@ KERNELS = {
     "reduce_block_lanes": reduce_block(DOUBLE, per_lane=True),
     "rnea_single": rnea(SINGLE, bodies=False),
     "rnea_single_bodies": rnea(SINGLE, bodies=True),
+    "rnea_scalar": rnea(SCALAR, bodies=False),
+    "rnea_scalar_bodies": rnea(SCALAR, bodies=True),
+    "placements_double": placements(DOUBLE),
+    "placements_scalar": placements(SCALAR),
+    "direct_call": direct_call,
     "replay": replay,
     "pool_worker": worker,
     "pool_run": run,

@@ -82,6 +82,11 @@ def slide(q: Symbol, place: Numbers, tilt: Numbers) -> Numbers:
     return place[0], place[1] - tilt[1] * q, place[2] + tilt[0] * q
 
 
+def at_rest(place: Numbers) -> Numbers:
+    """Place of a body that does not slide, a vector a number."""
+    return place
+
+
 def fork(state: Numbers, offset: Numbers) -> tuple[Numbers, ...]:
     """State in a frame that is turned about z by an angle given as (cosine, sine)."""
     c, s = offset
@@ -217,6 +222,27 @@ def without(wrench: Numbers, external: Numbers, rotation: Numbers) -> list[Numbe
 def total(a: Numbers, b: Numbers) -> Numbers:
     """Sum."""
     return tuple(x + y for x, y in zip(a, b, strict=True))
+
+
+def base_pose(zero: Symbol) -> Numbers:
+    """Pose of the base in itself: a rotation, row by row, and a place."""
+    one = zero.constant(1.0)
+    return one, zero, zero, zero, one, zero, zero, zero, one, zero, zero, zero
+
+
+def fork_pose(pose: Numbers, offset: Numbers) -> tuple[Numbers, ...]:
+    """Pose of a frame that is turned about z by an angle given as (cosine, sine)."""
+    return *fork(pose[0:9], offset), *pose[9:12]
+
+
+def turned_pose(pose: Numbers, turn: Numbers, place: Numbers) -> tuple[Numbers, ...]:
+    """Pose of a body with one degree of freedom, from its parent's."""
+    return *(_to_body(turn, row) for row in _parts(pose[0:9])), add(pose[9:12], apply(pose[0:9], place))
+
+
+def general_pose(pose: Numbers, rotation: Numbers, place: Numbers) -> tuple[Numbers, ...]:
+    """Pose of a body with any rotation, from its parent's."""
+    return product(pose[0:9], rotation), add(pose[9:12], apply(pose[0:9], place))
 
 
 def planar(q: Numbers, frame: Numbers, place: Numbers) -> tuple[Numbers, ...]:

@@ -56,6 +56,10 @@ NUMBER_FORMATS = {
 }
 
 
+SCALAR = NumberFormat("scalar", 1, np.dtype(np.float64))
+"""For one sample alone, which would leave all lanes but one empty."""
+
+
 class KernelJob(NamedTuple):
     """What the kernel is to do; it gets these numbers in this order.
 
@@ -170,8 +174,8 @@ def choose_frames(model: Model) -> AxisFrames:
     return AxisFrames(kinds, user, general, places, np.where(single, about_x, 0.0), angle, fork)
 
 
-def make_tables(model: Model, format_: NumberFormat, *, bodies: bool) -> ModelTables:
-    """Make the tables of a chain."""
+def make_tables(model: Model, format_: NumberFormat, bodies: bool) -> ModelTables:
+    """Make the tables of a chain; with ``bodies`` for kernels whose states have 12 numbers, not 9."""
     frames = choose_frames(model)
     n, lanes = len(model), format_.lanes
     body_constants = np.empty((n, BODY_CONSTANTS))

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from mp2a.kernels.library import Kernel
     from mp2a.spatial import Array
 
-OPEN, ACTIVE, NEXT, PIECES, CHUNKS, THREADS, LOOKS, KERNEL, VERDICT, JOBS, SCRATCH = range(11)
+OPEN, ACTIVE, NEXT, PIECES, CHUNKS, THREADS, LOOKS, KERNEL, VERDICT, JOBS, SCRATCH, YIELD = range(12)
 """Numbers that the threads share: whether there is a job to take pieces of; how many threads look at it just now; the
 next piece, and how many there are; chunks of the one job, or 0 if every piece is a job of one chunk; threads that
 take part; how often to look out for the next job; the addresses of the kernel's code and of the pointer to its verdict;
-and of tables of addresses of pointers, to each piece's job and its scratch memory, or to the one job and each thread's
-scratch memory."""
+of tables of addresses of pointers, to each piece's job and its scratch memory, or to the one job and each thread's
+scratch memory; and of the system's function that lets another thread run."""
 
-FIELDS = 11
+FIELDS = 12
 
 _LOOKS, _FEW_LOOKS = 20_000, 1_000
 """How often a worker looks for another job before it sleeps: after short jobs for some tenths of a
@@ -39,6 +39,7 @@ class ThreadPool:
 
     def __init__(self) -> None:
         self._fields: NDArray[np.int64] = np.zeros(FIELDS, dtype=np.int64)
+        self._fields[YIELD] = kernels.yield_address()
         self._busy, self._counting = threading.Lock(), threading.Lock()
         self._wake = threading.Semaphore(0)
         self._workers = self._sleeping = 0
@@ -57,9 +58,9 @@ class ThreadPool:
         scratch
             Memory for each thread, a row each.
         """
-        at, verdict, rows = kernels.pointer, np.zeros(1, dtype=np.int64), list(scratch)
-        if not self._share(kernel, (pieces, chunks, len(rows)), _LOOKS, [job], verdict, rows):
-            kernel(at(job), 0, chunks, at(rows[0]), at(verdict))
+        at, verdict, threads = kernels.pointer, np.zeros(1, dtype=np.int64), len(scratch)
+        if threads == 1 or not self._share(kernel, (pieces, chunks, threads), _LOOKS, [job], verdict, list(scratch)):
+            kernel(at(job), 0, chunks, at(scratch), at(verdict))
         return not verdict[0]
 
     def run_each(self, kernel: Kernel, jobs: Sequence[NDArray[np.int64]], scratch: Array, threads: int) -> bool:
@@ -82,7 +83,7 @@ class ThreadPool:
             at = kernels.pointer
             tables: list[NDArray[np.int64]] = [np.array([at(x) for x in each], dtype=np.int64) for each in (jobs, rows)]
             places = (table.ctypes.data for table in tables)
-            self._fields[PIECES:] = *sizes, looks, kernels.address(kernel), at(verdict), *places
+            self._fields[PIECES:YIELD] = *sizes, looks, kernels.address(kernel), at(verdict), *places
             self._rouse(sizes[-1] - 1)
             run = kernels.compiled("pool_run")
             assert run is not None

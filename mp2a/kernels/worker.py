@@ -6,7 +6,7 @@ Who has just worked looks out for the next job for a while, since waking a threa
 
 from typing import Any
 
-from mp2a.kernels.primitives import add_atomic, call, compiled, integers_at, load_atomic, pause, store_atomic
+from mp2a.kernels.primitives import add_atomic, call, call_int, compiled, integers_at, load_atomic, pause, store_atomic
 
 # Compiled functions take plain global numbers, not attributes.
 from mp2a.kernels.thread_pool import (
@@ -21,7 +21,19 @@ from mp2a.kernels.thread_pool import (
     SCRATCH,
     THREADS,
     VERDICT,
+    YIELD,
 )
+
+_LOOKS_A_TURN = 64
+"""Looks after which a thread that waits lets others run, one of which may be that which it waits for."""
+
+
+@compiled
+def _wait(pool: Any, look: Any) -> None:
+    """Let some time pass between two looks."""
+    if look % _LOOKS_A_TURN == 0:
+        call_int(pool[YIELD], 0, ())
+    pause()
 
 
 @compiled
@@ -52,7 +64,7 @@ def worker(pool_at: Any, thread: Any) -> None:
                 _work(pool, thread)
                 look = 0
             add_atomic(pool, ACTIVE, -1)
-        pause()
+        _wait(pool, look)
 
 
 def run(pool_at: Any) -> None:
@@ -62,5 +74,7 @@ def run(pool_at: Any) -> None:
     store_atomic(pool, OPEN, 1)
     _work(pool, 0)
     store_atomic(pool, OPEN, 0)
+    look = 0
     while load_atomic(pool, ACTIVE):
-        pause()
+        look += 1
+        _wait(pool, look)
