@@ -26,6 +26,7 @@ from mp2a.program.rank import Given, RankProgram
 from mp2a.results import InverseDynamics, Placement
 from mp2a.schedule import Schedule
 from mp2a.spatial import Array
+from mp2a.transport.agreement import Agreement
 from mp2a.transport.mpi import MPITransport
 from mp2a.transport.trace import TraceTransport
 from mp2a.validation import JointState, check_shapes, check_values
@@ -189,7 +190,7 @@ class DistributedModel:
         """
         forces = external_forces is not None
         arguments = (q, v, a, external_forces) if forces else (q, v, a)
-        found = self._calls.run(("rnea", forces, bodies), arguments, self._read, known=self._serial)
+        found = self._calls.run(("rnea", forces, bodies), arguments, self._read)
         if not bodies:
             torque: Array = found["torque"]
             return torque
@@ -302,21 +303,22 @@ class DistributedModel:
         """Return what programs of a call have in common with a rank that has nothing to say."""
         return ("rnea", False, False) if name == "rnea" else (name,)
 
-    def _program(self, name: str, *variant: bool) -> RankProgram:
+    def _program(self, agreement: Agreement, name: str, *variant: bool) -> RankProgram:
         """Record the program of a call."""
         nodes, rank, transport = self._nodes, self._rank, MPITransport(self._link)
         match name:
             case "rnea":
                 forces, bodies = variant
                 recorded = self._block.record(METHODS[self.method], self.schedule, forces=forces, bodies=bodies)
-                return RankProgram(name, recorded, self.transport, self.trace, flag=bodies)
+                known = None if self._serial else agreement  # forces and motion reach both ends of a chain
+                return RankProgram(name, recorded, self.transport, self.trace, agreement=known, flag=bodies)
             case "placement":
                 recorded = self._block.record_placement(self._shifted(schedules.motion(nodes)))
             case "broadcast":
                 recorded = record_broadcast(schedules.broadcast(nodes), rank, first=bool(nodes[rank] < 0))
             case _:
                 recorded = record_to_children(schedules.parent_to_child(nodes), rank)
-        return RankProgram(name, recorded, transport)
+        return RankProgram(name, recorded, transport, agreement=agreement)
 
     def _shifted(self, schedule: Schedule) -> Schedule:
         return schedules.shifted(schedule) if self._blocks else schedule

@@ -8,7 +8,7 @@ from typing import Any, TypeVar, cast
 from mp2a.exceptions import InputError, RankError
 from mp2a.mpi import MPI
 from mp2a.program.rank import Given, RankProgram
-from mp2a.transport.agreement import agree, raise_on_all
+from mp2a.transport.agreement import Agreement, raise_on_all
 
 MANY_SAMPLES = 256
 """Samples from which ranks agree at the end of a call that all went well, as their arithmetic asks for memory that may
@@ -29,12 +29,13 @@ class Calls:
     comm
         The ranks; it is this object's own.
     program
-        Makes the program of a call by its key, when it is first wanted.
+        Makes the program of a call by its key, when it is first wanted, and what ranks agree by.
     """
 
     def __init__(self, comm: MPI.Intracomm, program: Callable[..., RankProgram]) -> None:
         self._comm: MPI.Comm = comm
         self._make = program
+        self._agreement = Agreement(comm)
         self._programs: dict[Key, RankProgram] = {}
         self._busy, self._thread = threading.Lock(), threading.get_ident()
         self._unusable = ""
@@ -43,12 +44,10 @@ class Calls:
         """Return the program of a call."""
         program = self._programs.get(key)
         if program is None:
-            program = self._programs[key] = self._make(*key)
+            program = self._programs[key] = self._make(self._agreement, *key)
         return program
 
-    def run(
-        self, key: Key, arguments: Sequence[Any], read: Callable[..., Given], *, known: bool = False
-    ) -> dict[str, Any]:
+    def run(self, key: Key, arguments: Sequence[Any], read: Callable[..., Given]) -> dict[str, Any]:
         """Make a call; collective.
 
         Parameters
@@ -59,8 +58,6 @@ class Calls:
             Of the call.
         read
             Checks them and makes arrays of them; what it raises here is raised on every rank.
-        known
-            Whether what is wrong has reached all ranks by the last round, so that they need not agree that all is well.
 
         Returns
         -------
@@ -91,8 +88,7 @@ class Calls:
             except Exception as found:
                 error = found
             valid = error is None and program.transport.valid
-            sure = valid and known and program.samples < MANY_SAMPLES
-            if not sure and not agree(self._comm, valid):
+            if not self._all_is_well(program, valid):
                 raise_on_all(self._comm, error, lambda: self._difference(program.samples, program.flag))
             return outputs
         except BaseException as error:
@@ -103,6 +99,14 @@ class Calls:
             raise
         finally:
             self._busy.release()
+
+    def _all_is_well(self, program: RankProgram, valid: bool) -> bool:
+        """Tell whether a call went well on every rank; collective."""
+        if valid and program.has_agreed:
+            return self._agreement.is_reached
+        if valid and program.agreement is None and program.samples < MANY_SAMPLES:
+            return True
+        return self._agreement.reached(valid)
 
     @contextmanager
     def together(self, call: Call, key: Key) -> Iterator[Call]:
@@ -131,6 +135,7 @@ class Calls:
         for program in self._programs.values():
             program.close()
         if not self._unusable:  # else the others may not come
+            self._agreement.close()
             self._comm.Free()
         self._comm, self._unusable = MPI.COMM_NULL, "it is closed"
 

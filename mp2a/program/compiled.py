@@ -68,9 +68,13 @@ class CompiledProgram:
         Of all messages.
     wire
         What carries out rounds one by one; None where they are compiled too, over MPI's own messages.
+    agreement
+        Request to start and wait for at the end, after which all ranks know whether all is well; it stays the caller's.
 
     Attributes
     ----------
+    agrees
+        Whether the agreement has been asked for when the program is done.
     steps
         ``(k, 7)`` of steps as `mp2a.kernels.replay` describes them.
     """
@@ -82,6 +86,7 @@ class CompiledProgram:
         transport: MPITransport,
         tag: int,
         wire: Transport | None = None,
+        agreement: MPI.Prequest | None = None,
     ) -> None:
         self.frame = frame
         self._tag = tag
@@ -113,7 +118,12 @@ class CompiledProgram:
                 if isinstance(instruction, Communication):
                     self._sent.append([])  # counted where it is carried out
         self._await([])
+        if agreement is not None:
+            self._messages("start", [agreement])
+            self._in_flight = [agreement]
+            self._await([])
         self._end_piece()
+        self.agrees = agreement is not None
         self.steps = np.array(self._steps, dtype=np.int64).reshape(-1, 7)
         header = self._make_header()
         self._header, self._address = _integers(len(header))

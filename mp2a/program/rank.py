@@ -12,6 +12,7 @@ from mp2a.program.memory import Frame, lay_out
 from mp2a.program.recorder import Program
 from mp2a.program.replay import exchange_only, replay
 from mp2a.spatial import Array
+from mp2a.transport.agreement import Agreement
 from mp2a.transport.link import MPILink
 from mp2a.transport.mpi import MPITransport
 from mp2a.transport.trace import TraceTransport
@@ -47,6 +48,8 @@ class RankProgram:
         Of the communicator; counts what this rank sends.
     trace
         Around it, where rounds are to be noted, which takes them one by one.
+    agreement
+        By which ranks agree at the end that all went well; None if what is wrong has reached all by the last round.
     flag
         What has to be the same on every rank, beside the number of samples.
 
@@ -56,6 +59,8 @@ class RankProgram:
         The program bound for the number of samples of the last call, if it was kept.
     samples
         Of the last call; 0 if its arguments were wrong.
+    has_agreed
+        Whether the last call, if it went well here, asked for the agreement as well.
     """
 
     def __init__(
@@ -65,12 +70,14 @@ class RankProgram:
         transport: MPITransport,
         trace: TraceTransport | None = None,
         *,
+        agreement: Agreement | None = None,
         flag: bool = False,
     ) -> None:
         self.layout = lay_out(program)
-        self.transport, self.flag = transport, flag
+        self.transport, self.flag, self.agreement = transport, flag, agreement
         self.compiled: CompiledProgram | None = None
         self.samples = 0
+        self.has_agreed = False
         self._name, self._wire = name, trace or transport
         self._rounds_compiled = trace is None and isinstance(transport.link, MPILink)
 
@@ -96,7 +103,7 @@ class RankProgram:
         """
         compiled = self.compiled
         if compiled is not None and arguments and compiled.run(arguments):
-            self.samples = compiled.frame.samples
+            self.samples, self.has_agreed = compiled.frame.samples, compiled.agrees
             return compiled.results() if self.transport.valid else {}
         return self._run(arguments, read)
 
@@ -133,7 +140,7 @@ class RankProgram:
         except Exception:
             self.fail()
             raise
-        self.samples = given.samples
+        self.samples, self.has_agreed = given.samples, ready and compiled is not None and compiled.agrees
         if compiled is not None and ready:
             compiled.run(given.arrays)
             frame = compiled.frame
@@ -155,7 +162,9 @@ class RankProgram:
         tag = self._tag(samples)
         if function is not None:
             wire = None if self._rounds_compiled else self._wire
-            self.compiled = CompiledProgram(function, Frame(self.layout, samples), self.transport, tag, wire)
+            request = None if self.agreement is None else self.agreement.request
+            frame = Frame(self.layout, samples)
+            self.compiled = CompiledProgram(function, frame, self.transport, tag, wire, request)
         return self.compiled
 
     def _tag(self, samples: int) -> int:

@@ -12,6 +12,48 @@ from mp2a.mpi import MPI
 from mp2a.transport.wait import wait
 
 
+class Agreement:
+    """Tells again and again whether something is true on every rank, by one request that is kept where MPI has such.
+
+    Parameters
+    ----------
+    comm
+        The ranks. Making, asking and closing are collective.
+
+    Attributes
+    ----------
+    request
+        What compiled code may start and wait for in the place of `reached`, if all is well here; None before MPI 4.
+    """
+
+    def __init__(self, comm: MPI.Intracomm) -> None:
+        self._comm = comm
+        self._mine, self._every = np.ones(1, dtype=np.int32), np.ones(1, dtype=np.int32)
+        self.request: MPI.Prequest | None = None
+        if MPI.Get_version() >= (4, 0):
+            self.request = comm.Allreduce_init(self._mine, self._every, MPI.MIN)
+
+    def reached(self, mine: bool) -> bool:
+        """Tell whether something is true on every rank; collective."""
+        if self.request is None:
+            return agree(self._comm, mine)
+        self._mine[0] = mine
+        self.request.Start()
+        wait(self.request)
+        self._mine[0] = True
+        return self.is_reached
+
+    @property
+    def is_reached(self) -> bool:
+        """What was found the last time."""
+        return bool(self._every[0])
+
+    def close(self) -> None:
+        """Give the request back."""
+        if self.request is not None:
+            self.request.Free()
+
+
 def agree(comm: MPI.Comm, mine: bool) -> bool:
     """Tell whether something is true on every rank; collective."""
     every = np.empty(1, dtype=np.int32)
