@@ -10,11 +10,11 @@ STEPS = (
     ("q, v, a of this rank", None),
     ("distributed: DistributedModel.rnea", "distributed"),
     ("program.calls: errors of one rank are raised on all", "program"),
-    ("validation: shapes, finite, unit quaternions", "validation"),
-    ("methods.block: own joint and bodies, alone", "methods"),
-    ("program.rank: the recorded rounds", "program"),
-    ("kernels.replay, or program.replay over transport", "kernels"),
-    ("methods.block: other bodies, forces on joints", "methods"),
+    ("program.rank: what methods.block recorded", "program"),
+    ("validation: arrays unlike those of the last call", "validation"),
+    ("kernels.replay: finite? own joint, placed", "kernels"),
+    ("kernels.replay and MPI: the rounds", "kernels"),
+    ("kernels.replay: motion, force, torque", "kernels"),
     ("torque, or InverseDynamics", None),
 )
 
