@@ -8,8 +8,10 @@ from hypothesis import strategies as st
 
 from mp2a.bench.contenders import BASELINES, FAMILIES, LABELS, MPI_SCAN, ONE_PROCESS, PINOCCHIO, PIPELINE, family
 from mp2a.bench.findings import findings
+from mp2a.bench.report import comparison
 from mp2a.bench.scaling import scaling_table, scalings
 from mp2a.bench.settings import BenchSettings
+from mp2a.exceptions import InputError
 from mp2a.methods import METHODS
 from mp2a.tables import show_ratio, show_seconds
 
@@ -78,6 +80,14 @@ def test_efficiency_is_one_where_every_rank_is_worth_as_much(bodies, counts):
 def test_time_lost_is_efficiency_lost():
     runs = [make_run(n, {"sweep": 1.0}) | {"bodies": 100} for n in (1, 2, 4)]
     assert scalings(runs)[0].efficiency("sweep") == pytest.approx({1: 1.0, 2: 0.5, 4: 0.25})
+
+
+def test_chains_cut_in_other_ways_are_not_compared():
+    cuts = [{}, {"bodies": 8}, {"bodies": 9}, {"bodies_per_rank": 8}]
+    runs = [make_run(2, {"sweep": 1.0}) | {"seed": 0} | cut for cut in cuts]
+    for a, b in itertools.combinations(runs, 2):
+        with pytest.raises(InputError, match="without a run of the same n and settings"):
+            comparison([a], [b])
 
 
 def test_every_baseline_has_a_kind_and_every_method_a_label():

@@ -122,6 +122,18 @@ def test_rounds(tmp_path):
     assert all({"ours", "interpreted", "bare, new"} < set(run["seconds"]) for run in written["runs"])
 
 
+def test_mpi_scan(tmp_path):
+    printed, written = run(
+        "mpi_scan.py", tmp_path / "mpi_scan.json", "--ranks", "2", "--samples", "3", "--seconds", "0.5"
+    )
+    [measured] = written["runs"]
+    heading, _, *rows = tables(printed)
+    assert heading[2:-1] == list(measured["measured"])
+    assert [row[:2] for row in rows] == [["2", "1"], ["2", "3"]]
+    scans = [name for name in measured["measured"] if name.startswith("MPI_Scan")]
+    assert all(("×" in row[-1]) == bool(scans) for row in rows)
+
+
 def test_latency(tmp_path):
     printed, written = run(
         "latency.py", tmp_path / "latency.json", "--ranks", "2", "--latencies", "1", "--seconds", "1"

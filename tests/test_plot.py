@@ -373,6 +373,10 @@ def test_scaling_curves_are_the_results_beside_the_ideal():
             walls = [run["measured"][name]["single"]["wall"] for run in runs_of]
             assert_allclose(drawn[name].get_ydata(), walls)
         assert_allclose(drawn["ideal"].get_ydata(), 1e-3 * np.array(ideal))
+    for figure in (time_figure, speedup_figure):
+        with pytest.raises(InputError, match="which mp2a plot scaling draws"):
+            figure(results)
+    assert [run["n"] for run in runs({"runs": make_results((2, 8))["runs"] + results["runs"]})] == [2, 8]
     for file in (make_results(), {"runs": []}):
         with pytest.raises(InputError, match="expected some of mp2a bench --bodies"):
             scaling_figure(file)

@@ -1,7 +1,7 @@
 """The contenders of a run, ready to be called, and why some of them are left out."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 from mp2a.bench.contenders import (
     ALONE,
@@ -35,21 +35,22 @@ _ONE_EACH = (MPI_SCAN, PIPELINE, GATHER_SCATTER)
 """Those that have one body a rank."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Lineup:
     """Who is measured on a communicator; made by `line_up`."""
 
-    formations: dict[str, DistributedModel]
+    formations: Mapping[str, DistributedModel]
     """Our methods."""
-    contenders: dict[str, Call]
-    """All who are measured, our methods among them."""
-    pipeline: Pipeline | None = None
+    scans: Mapping[str, MPIScan]
+    """MPI's own."""
+    contenders: Mapping[str, Call]
+    """All who are measured, those among them."""
+    pipeline: Pipeline | None
     """The pipeline, which counts its processor time, if it is measured."""
-    reference: Reference | None = None
+    reference: Reference | None
     """pinocchio's model of the whole chain, on rank 0, if it is needed and fits in memory."""
-    missing: list[str] = field(default_factory=list)
+    missing: list[str]
     """Who was left out and why, a sentence each."""
-    scans: list[MPIScan] = field(default_factory=list)
 
     @property
     def distributed(self) -> dict[str, Call]:
@@ -60,7 +61,7 @@ class Lineup:
         """Free what they hold of MPI; collective."""
         for formation in self.formations.values():
             formation.close()
-        for scan in self.scans:
+        for scan in self.scans.values():
             scan.close()
 
 
@@ -79,59 +80,56 @@ def line_up(link: Link, model: Model, settings: BenchSettings, whole: tuple[Arra
         State of the whole chain on rank 0, for those that run in one process; None elsewhere.
     """
     comm = link.comm
-    formations = {name: DistributedModel(comm, model, name, network=settings.network) for name in settings.methods}
-    lineup = Lineup(formations, {name: formation.rnea for name, formation in formations.items()})
-    wanted = set(settings.baselines)
+    wanted, missing = set(settings.baselines), []
     if comm.Get_size() < len(model):
-        lineup.missing += [f"{name} is left out: it has one body a rank." for name in _ONE_EACH if name in wanted]
+        missing += [f"{name} is left out: it has one body a rank." for name in _ONE_EACH if name in wanted]
         wanted -= set(_ONE_EACH)
-    if MPI_SCAN in wanted:
-        _add_scans(lineup, comm, model, settings)
-    if PIPELINE in wanted:
-        lineup.pipeline = Pipeline(link, model)
-        lineup.contenders[PIPELINE] = lineup.pipeline.rnea
-        lineup.contenders[PIPELINE_BLOCKS] = Pipeline(link, model, BLOCKS).rnea
-    fits = bool(wanted & {GATHER_SCATTER, PINOCCHIO}) and _add_reference(lineup, comm, model)
+    formations = {name: DistributedModel(comm, model, name, network=settings.network) for name in settings.methods}
+    scans = _scans(comm, model, settings, missing) if MPI_SCAN in wanted else {}
+    contenders: dict[str, Call] = {name: member.rnea for name, member in (formations | scans).items()}
+    pipeline = Pipeline(link, model) if PIPELINE in wanted else None
+    if pipeline is not None:
+        contenders |= {PIPELINE: pipeline.rnea, PIPELINE_BLOCKS: Pipeline(link, model, BLOCKS).rnea}
+    reference, fits = _reference(comm, model, missing) if wanted & {GATHER_SCATTER, PINOCCHIO} else (None, False)
     if GATHER_SCATTER in wanted and fits:
-        lineup.contenders[GATHER_SCATTER] = GatherScatter(link, model, lineup.reference).rnea
-        lineup.contenders[GATHER_SCATTER_TREE] = GatherScatter(link, model, lineup.reference, tree=True).rnea
+        contenders[GATHER_SCATTER] = GatherScatter(link, model, reference).rnea
+        contenders[GATHER_SCATTER_TREE] = GatherScatter(link, model, reference, tree=True).rnea
     if ONE_PROCESS in wanted:
-        lineup.contenders[ONE_PROCESS] = _on_rank_0(whole, lambda q, v, a: rnea(model, q, v, a))
+        contenders[ONE_PROCESS] = _on_rank_0(whole, lambda q, v, a: rnea(model, q, v, a))
     if PINOCCHIO in wanted and fits:
-        lineup.contenders[PINOCCHIO] = _on_rank_0(whole, lineup.reference.torque if lineup.reference else None)
-    return lineup
+        contenders[PINOCCHIO] = _on_rank_0(whole, reference.torque if reference else None)
+    return Lineup(formations, scans, contenders, pipeline, reference, missing)
 
 
-def _add_scans(lineup: Lineup, comm: MPI.Intracomm, model: Model, settings: BenchSettings) -> None:
-    """Add MPI's own scan, if it can be compiled and does not go past the network that is emulated."""
+def _scans(comm: MPI.Intracomm, model: Model, settings: BenchSettings, missing: list[str]) -> dict[str, MPIScan]:
+    """Make MPI's own scans, if they can be compiled and do not go past the network that is emulated."""
     if settings.network is not None:
-        lineup.missing.append(f"{MPI_SCAN} is left out: its messages cannot be sent over an emulated network.")
-        return
+        missing.append(f"{MPI_SCAN} is left out: its messages cannot be sent over an emulated network.")
+        return {}
     try:
         library = obtain_library(comm)
     except DependencyError as error:
-        lineup.missing.append(f"{MPI_SCAN} is left out: {error}.")
-        return
-    lineup.scans.append(MPIScan(comm, model, library))
-    lineup.contenders[MPI_SCAN] = lineup.scans[-1].rnea
+        missing.append(f"{MPI_SCAN} is left out: {error}.")
+        return {}
+    scans = {MPI_SCAN: MPIScan(comm, model, library)}
     if can_double(library):
-        lineup.scans.append(MPIScan(comm, model, library, doubling=True))
-        lineup.contenders[MPI_SCAN_DOUBLING] = lineup.scans[-1].rnea
+        scans[MPI_SCAN_DOUBLING] = MPIScan(comm, model, library, doubling=True)
     else:
-        lineup.missing.append(f"{MPI_SCAN_DOUBLING} is left out: this MPI does not let its users choose how it scans.")
+        missing.append(f"{MPI_SCAN_DOUBLING} is left out: this MPI does not let its users choose how it scans.")
+    return scans
 
 
-def _add_reference(lineup: Lineup, comm: MPI.Intracomm, model: Model) -> bool:
-    """Build pinocchio's model on rank 0, if it fits there; whether it does, on all."""
-    error = None
+def _reference(comm: MPI.Intracomm, model: Model, missing: list[str]) -> tuple[Reference | None, bool]:
+    """Build pinocchio's model on rank 0, if it fits there, and tell all ranks whether it does."""
+    reference, error = None, None
     if comm.Get_rank() == 0:
         try:
-            lineup.reference = Reference(model)
+            reference = Reference(model)
         except DependencyError as found:
-            error = f"pinocchio is left out, and {GATHER_SCATTER}, which computes with it: {found}."
+            error = f"pinocchio is left out, and all that computes with it: {found}."
     error = comm.bcast(error)
-    lineup.missing += [error] if error else []
-    return error is None
+    missing += [error] if error else []
+    return reference, error is None
 
 
 def _on_rank_0(whole: tuple[Array, ...] | None, compute: Call | None) -> Call:

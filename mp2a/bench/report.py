@@ -128,7 +128,7 @@ def _ratio(old: dict[str, Any], new: dict[str, Any]) -> Spread:
 
 
 def _identity(run: Run) -> tuple[Any, ...]:
-    return (run["n"], *(str(run[name]) for name in ("samples", "seed", "emulated")))
+    return (run["n"], *(str(run.get(name)) for name in ("samples", "seed", "emulated", "bodies", "bodies_per_rank")))
 
 
 def _differences(a: Run, b: Run) -> Iterator[str]:

@@ -5,7 +5,7 @@ import gc
 import statistics
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,7 +46,7 @@ def barrier(comm: MPI.Intracomm) -> None:
 
 def time_in_turn(
     comm: MPI.Intracomm,
-    contenders: dict[str, Callable[..., Array]],
+    contenders: Mapping[str, Callable[..., Array]],
     state: tuple[Array, ...],
     settings: BenchSettings,
     say: Callable[[str], None],

@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+import time
 from collections.abc import Sequence
 
 from mp2a import __version__
@@ -16,6 +17,7 @@ COMMANDS = {
 }
 """The module of each subcommand, by its name."""
 _INTERRUPTED = 130
+_HEAD_START = 1.0
 _EXAMPLES = """examples:
   mp2a bench --ranks 1,2,4,8                         time all methods, one rank a robot
   mp2a plot time results/bench.json                  draw what was measured
@@ -46,6 +48,8 @@ def _fail(message: str) -> int:
     info = rank_info()
     if info is None or info.rank == 0:
         print(f"{ERROR}{message}", file=sys.stderr)
+    else:
+        time.sleep(_HEAD_START)  # mpirun ends all ranks once one has failed, and the first has not spoken yet
     return 2
 
 

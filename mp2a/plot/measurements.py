@@ -16,7 +16,6 @@ GRAINS = ("batch", "single")
 """Whether all samples travel in each message, or one at a time."""
 SOURCES = ("measured", "modelled", "extrapolated")
 """Where times come from; measured ones are wall clock."""
-_ALIKE = ("emulated", "samples", "bodies", "bodies_per_rank")
 PAPER_ROBOTS = 512
 PAPER_SAMPLES = 2000
 
@@ -32,8 +31,7 @@ class Series(NamedTuple):
 def runs(results: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Return the runs by rising number of robots, of several for one number the last.
 
-    Only those with as many samples as the last run of the file, over the same network and of chains cut in the same
-    way, are among them.
+    Only those of one robot a rank are among them, with as many samples as the last of these and over the same network.
 
     Raises
     ------
@@ -49,8 +47,11 @@ def runs(results: Mapping[str, Any]) -> list[Mapping[str, Any]]:
             number = run.get(key) if isinstance(run, Mapping) else None
             if not isinstance(number, int) or number < 1:
                 raise InputError(f"results: got a run with {key} = {number!r}, expected at least 1 of its {what}")
-    last = everything[-1]
-    alike = [run for run in everything if all(run.get(key) == last.get(key) for key in _ALIKE)]
+    formations = [run for run in everything if not (run.get("bodies") or run.get("bodies_per_rank"))]
+    if not formations:
+        raise InputError("results: got runs of chains in blocks alone, which mp2a plot scaling draws")
+    last = formations[-1]
+    alike = [run for run in formations if all(run.get(key) == last.get(key) for key in ("emulated", "samples"))]
     return [run for _, run in sorted({run["n"]: run for run in alike}.items())]
 
 
