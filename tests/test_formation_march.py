@@ -286,7 +286,7 @@ def test_robots_in_one_place_wait_until_there_is_room():
         moved = np.flatnonzero(twists[:, i, 0] > 0)[0]
         ahead = np.abs(places(poses[moved, i - 1]) - places(poses[moved, i]))
         assert ahead >= 2 - 1e-6
-        assert (places(poses[:moved, i]) == 0).all()
+        assert np.abs(places(poses[:moved, i])).max() < 1e-15  # what the scan rounds
     assert np.allclose(poses[-1, :, 0], [30, 28, 26, 24])
 
 
