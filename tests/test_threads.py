@@ -24,12 +24,12 @@ def work(choice, jobs, alone, shared):
 
 @given(alone=times, shared=times)
 def test_what_is_slower_costs_little(alone, shared):
-    """Beside a try of each way in the beginning a few hundredths, and a sixth where the two take nearly as long."""
+    """Beside a few tries of each way a few hundredths, and a sixth where the two take nearly as long."""
     jobs = 500
     total, _ = work(ThreadChoice(), jobs, alone, shared)
     best = min(alone, shared)
     most = 1.03 * (alone if 0.85 * alone <= shared else best)
-    assert total <= jobs * most + 3 * (alone + shared)
+    assert total <= jobs * most + 4 * (alone + shared)
 
 
 @given(alone=times)
@@ -58,6 +58,18 @@ def test_one_hold_up_does_not_count(alone):
     work(choice, 100, alone, 0.6 * alone)
     choice.note(True, 100 * alone)
     assert work(choice, 100, alone, 0.6 * alone)[1] >= 97
+
+
+@given(alone=times, way=st.booleans(), job=st.integers(0, 2))
+def test_one_hold_up_in_the_beginning_does_not_count(alone, way, job):
+    choice, count = ThreadChoice(), {False: 0, True: 0}
+    for _ in range(6):
+        shared = choice.is_shared()
+        held_up = shared is way and count[way] == job
+        choice.note(shared, (100 if held_up else 1) * (0.6 if shared else 1.0) * alone)
+        count[shared] += 1
+    assert count == {False: 3, True: 3}
+    assert choice.is_shared()
 
 
 def test_rnea_notes_how_long_jobs_take(monkeypatch):

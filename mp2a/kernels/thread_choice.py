@@ -10,6 +10,9 @@ _CLEARLY = 0.85
 _MEMORY = 5
 """Times of each way that are remembered; their median counts."""
 
+_ENOUGH = 3
+"""Times of each way with which to begin to choose, for one of them may be that of a job that was held up."""
+
 _TRIALS = 0.01
 """Part of all the time that may go into trying again what was slower."""
 
@@ -28,6 +31,9 @@ class ThreadChoice:
 
     def is_shared(self) -> bool:
         """Tell whether the next job is to be shared."""
+        tried_alone, tried_shared = (len(self._seconds[way]) for way in (False, True))
+        if tried_shared < _ENOUGH:
+            return tried_shared < tried_alone
         other = not self._is_quicker
         return other if self._saved_up >= _median(self._seconds[other]) else self._is_quicker
 
