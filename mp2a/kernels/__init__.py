@@ -116,12 +116,15 @@ def rounds() -> Callable[[int, int, int], int] | None:
     describes them.
     """
     run = compiled("replay")
-    if run is None:
-        return None
-    outside = [yield_address()]
-    outside += [address(_run[step]) if step in _run else 0 for step in STEPS]
-    _kept.append(np.array(outside, dtype=np.int64))
-    return cast("Callable[[int, int, int], int]", partial(run, _kept[-1].ctypes.data))
+    return None if run is None else cast("Callable[[int, int, int], int]", partial(run, outside()))
+
+
+@cache
+def outside() -> int:
+    """Return the address of what lies outside of recorded rounds, as `mp2a.kernels.replay` describes it."""
+    addresses = [yield_address(), *(address(_run[step]) if step in _run else 0 for step in STEPS)]
+    _kept.append(np.array(addresses, dtype=np.int64))
+    return int(_kept[-1].ctypes.data)
 
 
 def _load(*, patient: bool) -> Status:

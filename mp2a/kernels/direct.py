@@ -79,7 +79,7 @@ def direct(
         What else has to live as long as the function does.
     """
     run, entry = kernels.compiled(kernel), kernels.compiled("direct_call")
-    if run is None or entry is None or not _is_usual() or len(model) > _MOST_BODIES:
+    if run is None or entry is None or not is_usual() or len(model) > _MOST_BODIES:
         return None
     at, scratch = kernels.pointer, np.empty(tables.scratch)
     constants = at(tables.body_constants), at(tables.frame_constants), at(tables.topology)
@@ -99,10 +99,25 @@ def direct(
             record[SOURCE], record[FLAGS] = operand.source.ctypes.data, _WRITEABLE
         form = kernels.number_type(np.dtype(np.float64)), len(operand.shape), 0, *operand.shape
         record[FORM : FORM + len(form)] = form
-    owner = plan.view(_Plan)
-    owner.held = numbers, scratch, tables, operands, held
-    call: DirectCall = _new_function()(ctypes.addressof(_method()), owner, None)
+    call: DirectCall = bound("direct_call", plan, (numbers, scratch, tables, operands, held))
     return call
+
+
+def bound(entry: str, plan: NDArray[np.int64], held: object) -> Any:
+    """Make a function of compiled code that the interpreter calls with a plan's numbers and what the function is given.
+
+    Parameters
+    ----------
+    entry
+        Kernel with the arguments of a ``METH_FASTCALL`` function.
+    plan
+        Its numbers.
+    held
+        What else has to live as long as the function does.
+    """
+    owner = plan.view(_Plan)
+    owner.held = held
+    return _new_function()(ctypes.addressof(_method(entry)), owner, None)
 
 
 def _direct_rnea(model: Model) -> DirectCall | None:
@@ -150,10 +165,10 @@ class _Method(ctypes.Structure):
 
 
 @cache
-def _method() -> _Method:
-    entry = kernels.compiled("direct_call")
-    assert entry is not None
-    return _Method(b"direct_call", kernels.address(entry), _METH_FASTCALL, None)
+def _method(entry: str) -> _Method:
+    code = kernels.compiled(entry)
+    assert code is not None
+    return _Method(entry.encode(), kernels.address(code), _METH_FASTCALL, None)
 
 
 @cache
@@ -165,7 +180,7 @@ def _new_function() -> Any:
 
 
 @cache
-def _is_usual() -> bool:
+def is_usual() -> bool:
     """Tell whether this interpreter has objects of the usual form, and the lock that plans rely on."""
     has_lock = getattr(sys, "_is_gil_enabled", lambda: True)()
     return has_lock and object.__basicsize__ == 2 * ctypes.sizeof(ctypes.c_void_p) == 16 and sys.byteorder == "little"

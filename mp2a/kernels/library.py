@@ -90,12 +90,13 @@ ARGUMENTS = {
     ),
     "direct_call": "nnn",
     "replay": "nnnn",
+    "replay_call": "nnn",
     "pool_worker": "nn",
     "pool_run": "n",
 }  # fmt: skip
 """The kernels, and what each takes: whole numbers (n; addresses too) and pointers (p)."""
 
-RESULTS = "direct_call", "replay"
+RESULTS = "direct_call", "replay", "replay_call"
 """Those of them that return a whole number."""
 
 BUILD_LIMIT = 300.0

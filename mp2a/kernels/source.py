@@ -6,6 +6,7 @@ from mp2a.kernels.lanes import DOUBLE, SCALAR, SINGLE
 from mp2a.kernels.placements import placements
 from mp2a.kernels.reduce_block import reduce_block
 from mp2a.kernels.replay import replay
+from mp2a.kernels.replay_call import replay_call
 from mp2a.kernels.rnea import rnea
 from mp2a.kernels.symbols import Formula
 from mp2a.kernels.worker import run, worker
@@ -32,6 +33,7 @@ KERNELS = {
     "placements_scalar": placements(SCALAR),
     "direct_call": direct_call,
     "replay": replay,
+    "replay_call": replay_call,
     "pool_worker": worker,
     "pool_run": run,
 }

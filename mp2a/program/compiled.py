@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from mp2a import kernels
 from mp2a.cores import is_oversubscribed, mpi_yields
+from mp2a.kernels.replay_plan import ReplayCall, replay_call
 from mp2a.mpi import MPI
 from mp2a.program.memory import COPY, Frame
 from mp2a.program.operations import add
@@ -128,7 +129,9 @@ class CompiledProgram:
         header = self._make_header()
         self._header, self._address = _integers(len(header))
         self._header[:] = header
-        self._first_end, self._end = self._pieces[0].last, len(self._steps) + (len(self._pieces) > 1)
+        self._first_end, self._is_one_piece = self._pieces[0].last, len(self._pieces) == 1
+        numbers = self._first_end, self._begin, self._given_at, len(arguments), self._axes
+        self._call, self._at = replay_call(kernels.outside(), self._address, *numbers) or self._plain_call()
         self._tally = transport.tally(chain.from_iterable(self._sent))
         self._views = [frame.placed_views(single=single) for single in (frame.samples == 1, False)]
 
@@ -156,18 +159,14 @@ class CompiledProgram:
         Exception
             What a computation raised, after all exchanges.
         """
-        first = arguments[0]
-        if not self._take(arguments, type(first) is np.ndarray and first.ndim != self._axes):
-            return False
         self._transport.begin(self._tag, valid=True)
-        at = self._function(self._address, 0, self._first_end)
-        if at == self._first_end == self._end:
+        answer = self._call(*arguments)
+        if answer and self._is_one_piece:
             self._tally.times += 1
             return True
-        if 0 <= at < self._begin:
-            return False
-        self._go_on(at, arguments)
-        return True
+        if answer is not False:
+            self._go_on(self._first_end if answer else self._at(), arguments)
+        return answer is not False
 
     def results(self) -> dict[str, Any]:
         """Return the outputs of the last run for the caller to keep, in the shape of its arguments."""
@@ -184,6 +183,20 @@ class CompiledProgram:
                 return False
             self._given[k] = id(array)
         return True
+
+    def _plain_call(self) -> ReplayCall:
+        """Return what does the work of `mp2a.kernels.replay_plan` by ctypes."""
+        at = 0
+
+        def call(*arguments: Any) -> bool | None:
+            nonlocal at
+            first = arguments[0]
+            if not self._take(arguments, type(first) is np.ndarray and first.ndim != self._axes):
+                return False
+            at = self._function(self._address, 0, self._first_end)
+            return True if at == self._first_end else False if 0 <= at < self._begin else None
+
+        return ReplayCall(call, lambda: at)
 
     def _go_on(self, at: int, arguments: Sequence[Array]) -> None:
         """Do what is left after the first call of compiled steps."""
