@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography import follower, leader
-from mp2a.formation.choreography.ideal import obey, run
 from mp2a.formation.choreography.program import CIRCLE, MOVE, compile_program
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
@@ -22,6 +21,8 @@ from mp2a.formation.choreography.scenario import Group, Move, Scenario, Shape
 from mp2a.formation.constants import TARGET_AHEAD, TARGET_TOLERANCE, TICK, WAYPOINT_TOLERANCE
 from mp2a.formation.robot_models import HUSKY, ROBOTS, TRADR, RobotModel
 from mp2a.se2 import compose, drive, wrap
+from mp2a.simulator.ideal import obey
+from mp2a.simulator.scenario_run import run
 
 LISTINGS = {
     path.stem: path.read_text() for path in (Path(__file__).parents[1] / "examples" / "scenarios").glob("*.txt")
@@ -304,7 +305,7 @@ def test_leader_starts_in_front_of_robots_that_stand_somewhere():
         ({"poses": np.zeros((2, 2))}, r"poses: got shape \(2, 2\), expected \(2, 3\)"),
         ({"twists": np.zeros(2)}, r"twists: got shape \(2,\), expected \(2, 2\)"),
         ({"points": [np.zeros((3, 2))]}, "points: got 1 entries, expected 2"),
-        ({"points": [np.zeros((3, 3)), None]}, r"points\[0\]: got shape \(3, 3\), expected \(k, 2\)"),
+        ({"points": [np.zeros((3, 3)), None]}, r"points\[0\]: got shape \(3, 3\), expected \(n, 2\)"),
         ({"points": ["x", None]}, r"points\[0\]: got str"),
     ],
 )

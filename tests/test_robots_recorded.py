@@ -41,10 +41,10 @@ def drive(scenario, robots, clock, in_place, interface=ROBOT_CONFIGS["husky"], *
             role,
             robot,
             interface,
-            ChoreographyPlanner(Choreography(scenario, HUSKY, **options), role, robot.has_lidar),
+            ChoreographyPlanner(Choreography(scenario, HUSKY, here=[i], **options), robot.has_lidar),
             in_place,
         )
-        for role, robot in zip(scenario.robots, robots, strict=True)
+        for i, (role, robot) in enumerate(zip(scenario.robots, robots, strict=True))
     ]
     steps = {role: [] for role in scenario.robots}
     run_drivers(drivers, clock, 60, lambda driver, step: steps[driver.role].append(step))

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from mp2a.dependencies import parse_toml
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY
@@ -95,7 +96,7 @@ def test_stop_signals_are_taken_back_at_the_end():
 
 
 def names(more=""):
-    found = robots_file.parse_robots(f'[robots.R1]\nmodel="husky"\n{more}', ["R1"]).configs["R1"]
+    found = robots_file.robots_of(parse_toml(f'[robots.R1]\nmodel="husky"\n{more}', "robots"), ["R1"]).configs["R1"]
     _, heard = told(found)
     return set(heard)
 
@@ -130,7 +131,7 @@ class Told(DryRobot):
 
 def drive(front=lambda _: False, rear=lambda _: False, scenario=AHEAD):
     robot = Told(front, rear)
-    planner = ChoreographyPlanner(Choreography(scenario, HUSKY), "R1", False)
+    planner = ChoreographyPlanner(Choreography(scenario, HUSKY), False)
     driver = Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, False)
     steps = []
     run_drivers([driver], VirtualClock(0.05, [robot]), 60, lambda _, step: steps.append(step))

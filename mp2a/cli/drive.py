@@ -1,13 +1,13 @@
 """``mp2a drive``: robots drive a scenario."""
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mp2a.cli.options import command, positive_number
+from mp2a.cli.options import by_role, command, positive_number
 from mp2a.exceptions import DependencyError, InputError, OutputError
+from mp2a.file_kinds import read_text
 from mp2a.mpi_environment import under_mpi
 from mp2a.robots.adapters import ADAPTERS, REAL
 
@@ -98,11 +98,7 @@ def _drive_as(options: argparse.Namespace, comm: "MPI.Comm | None") -> int:
     from mp2a.robots.driver import run_drivers
     from mp2a.robots.sender import WatchdogGoneError
 
-    try:
-        text = options.scenario.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"SCENARIO: {options.scenario} cannot be read as text ({error})") from error
-    scenario = parse(text)
+    scenario = parse(read_text(options.scenario, "a scenario", "text"))
     robots = _robots(options, scenario.robots)
     roles = roles_of_this_process(scenario, robots.adapter, options.role, comm)
     if options.armed and robots.adapter not in REAL:
@@ -165,17 +161,13 @@ def _recorder(options: argparse.Namespace, robots: Any, roles: Any) -> Any:
 
 
 def _robots(options: argparse.Namespace, roles: Any) -> Any:
-    from mp2a.robots.robots_file import parse_robots, read_robots
+    from mp2a.robots.robots_file import read_robots, robots_of
 
     if options.robots.endswith(".toml"):
         robots = read_robots(options.robots, roles)
     else:
-        models = dict.fromkeys(roles, options.robots)
-        if "=" in options.robots:
-            models = {role: model for role, _, model in (part.partition("=") for part in options.robots.split(","))}
-        # A text of JSON is one of TOML.
-        tables = [f"[robots.{json.dumps(role)}]\nmodel = {json.dumps(model)}\n" for role, model in models.items()]
-        robots = parse_robots("".join(tables), roles, "--robots")
+        models = by_role(options.robots) if "=" in options.robots else dict.fromkeys(roles, options.robots)
+        robots = robots_of({"robots": {role: {"model": model} for role, model in models.items()}}, roles, "--robots")
     adapter = options.adapter or robots.adapter
     if options.recording is not None:
         if options.adapter not in (None, "recording"):

@@ -2,7 +2,6 @@
 
 import argparse
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -28,6 +27,8 @@ _BY_DYNAMICS: dict[str, Any] = {
 """Options that only a march by dynamics has, and their defaults."""
 _CHOREOGRAPHY: dict[str, Any] = {"max_speed": None, "start": (0.0, 0.0, 0.0)}
 """Options that only a choreography has."""
+_ENDINGS = {"npz": ".npz", "mcap": ".mcap", "paths": ".png", "speeds": "-speeds.png", "animation": ".gif"}
+"""What is written of a march, and how its file's name ends."""
 _PRINTED = 12
 """Events that are printed; the recording has all."""
 _NOT_WRITTEN = 2
@@ -62,7 +63,7 @@ def add(commands: Any) -> None:
     parser.add_argument("--method", default="sweep", help="of the scan (default: sweep)")
     parser.add_argument("--out", type=Path, default=Path("results/march"), help="files to write, without an ending")
     parser.add_argument(
-        "--write", type=words, default=tuple(_WRITERS), metavar=",".join(_WRITERS), help="which (default: all)"
+        "--write", type=words, default=tuple(_ENDINGS), metavar=",".join(_ENDINGS), help="which (default: all)"
     )
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     choreography = parser.add_argument_group("a choreography")
@@ -177,9 +178,9 @@ def _settle_options(options: argparse.Namespace) -> None:
     for name, value in (_BY_DYNAMICS | _CHOREOGRAPHY).items():
         if getattr(options, name) is None:
             setattr(options, name, value)
-    unknown = [name for name in options.write if name not in _WRITERS]
+    unknown = [name for name in options.write if name not in _ENDINGS]
     if unknown:
-        raise InputError(f"--write: got {unknown[0]!r}, expected one of {', '.join(_WRITERS)}")
+        raise InputError(f"--write: got {unknown[0]!r}, expected one of {', '.join(_ENDINGS)}")
 
 
 def _simulation(options: argparse.Namespace, setup: MarchSetup) -> "Simulation":
@@ -225,13 +226,10 @@ def _finish(
     else:
         for line in (str(each) for each in ends if not each.good):
             print(f"mp2a: {line}", file=sys.stderr)
-    writers = [(name, _WRITERS[name]) for name in options.write]
-    if not options.file:
-        writers.append(("scan", lambda recording, options: _scan(parts, options)))
     wrong = False
-    for name, write in writers:
+    for name in (*options.write, *(() if options.file else ("scan",))):
         try:
-            path = write(recording, options)
+            path = _scan(parts, options) if name == "scan" else _write(name, recording, options)
         except DependencyError as error:
             if not options.quiet:
                 print(f"no {name}: {error}")
@@ -249,44 +247,19 @@ def _named(options: argparse.Namespace, ending: str) -> Path:
     return out
 
 
-def _npz(recording: "Recording", options: argparse.Namespace) -> Path:
-    from mp2a.simulator import save_recording
+def _write(name: str, recording: "Recording", options: argparse.Namespace) -> Path:
+    """Write one of `_ENDINGS`."""
+    path = _named(options, _ENDINGS[name])
+    if name in ("npz", "mcap"):
+        from mp2a.simulator import save_recording
 
-    return save_recording(recording, _named(options, ".npz"))
+        return save_recording(recording, path)
+    from mp2a import plot
 
-
-def _mcap(recording: "Recording", options: argparse.Namespace) -> Path:
-    from mp2a.simulator import save_recording
-
-    return save_recording(recording, _named(options, ".mcap"))
-
-
-def _paths(recording: "Recording", options: argparse.Namespace) -> Path:
-    from mp2a.plot import march_figure, save_figure
-
-    return save_figure(march_figure(recording), _named(options, ".png"))
-
-
-def _speeds(recording: "Recording", options: argparse.Namespace) -> Path:
-    from mp2a.plot import save_figure, speeds_figure
-
-    return save_figure(speeds_figure(recording), _named(options, "-speeds.png"))
-
-
-def _animation(recording: "Recording", options: argparse.Namespace) -> Path:
-    from mp2a.plot import save_animation
-
-    return save_animation(recording, _named(options, ".gif"), quiet=options.quiet)
-
-
-_WRITERS: "dict[str, Callable[[Recording, argparse.Namespace], Path]]" = {
-    "npz": _npz,
-    "mcap": _mcap,
-    "paths": _paths,
-    "speeds": _speeds,
-    "animation": _animation,
-}
-"""What is written of a march. A new kind is a line here."""
+    if name == "animation":
+        return plot.save_animation(recording, path, quiet=options.quiet)
+    figure = plot.march_figure if name == "paths" else plot.speeds_figure
+    return plot.save_figure(figure(recording), path)
 
 
 def _scan(parts: "list[_Part]", options: argparse.Namespace) -> Path:

@@ -46,9 +46,7 @@ def pack(points: Sequence[ArrayLike | None], robots: int | None = None, *, finit
     for i, cloud in enumerate(points):
         rows = np.empty((0, 2)) if cloud is None else numbers(f"points[{i}]", cloud)
         rows = rows.reshape(-1, 2) if rows.size == 0 else rows
-        if rows.ndim != 2 or rows.shape[1] != 2:
-            raise InputError(f"points[{i}]: got shape {rows.shape}, expected (k, 2)")
-        clouds.append(array(f"points[{i}]", rows, (None, 2)) if finite else rows)
+        clouds.append(array(f"points[{i}]", rows, (None, 2), finite=finite))
     owners = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
     heard = np.array([cloud is not None for cloud in points], dtype=bool)
     return SensedPoints(np.concatenate(clouds) if clouds else np.empty((0, 2)), owners, heard)

@@ -116,10 +116,7 @@ def set_up_drive(
         raise InputError(f"rate: got {', '.join(f'{rate:g}' for rate in rates)} Hz, expected one for all here")
     models = {role: config.model for role, config in configs.items()}
 
-    def choreography() -> Choreography:
-        return Choreography(scenario, models, max_speed)
-
-    whole = choreography()
+    whole = Choreography(scenario, models, max_speed)
     terms = terms_of(scenario, models, whole.max_speed)
     if comm is not None:
         for role, others in zip(scenario.robots, comm.allgather(terms), strict=True):
@@ -131,7 +128,8 @@ def set_up_drive(
     in_place = adapter.own_frames and robots.origin == "in-place"
     drivers = []
     for role, robot in zip(roles, result.robots, strict=True):
-        planner = ChoreographyPlanner(choreography(), role, robot.has_lidar, configs[role].points_age)
+        dance = Choreography(scenario, models, max_speed, here=[scenario.robots.index(role)])
+        planner = ChoreographyPlanner(dance, robot.has_lidar, configs[role].points_age)
         drivers.append(Driver(role, robot, configs[role], planner, in_place))
     clock, epochs = result.clock, result.epochs or [EPOCH] * len(roles)
     if clock is None:

@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from mp2a.formation.choreography.fleet import Fleet
-from mp2a.formation.choreography.ideal import obey
 from mp2a.formation.robot_models import RobotModel
 from mp2a.robots.adapters import AdapterConfig, AdapterResult
 from mp2a.robots.clock import VirtualClock
 from mp2a.robots.interface import Sensed
+from mp2a.simulator.ideal import IdealSimulation
 from mp2a.spatial import Array
 
 
@@ -32,20 +31,17 @@ class DryRobot:
     has_lidar = over = False
 
     def __init__(self, model: RobotModel, pose: Array) -> None:
-        self._fleet = Fleet.of([model])
-        self._pose = np.array(pose, dtype=float)[None]
-        self._twist = np.zeros((1, 2))
+        self._simulation = IdealSimulation([model], [pose])
         self._command = np.zeros((1, 2))
-        self._time = 0.0
 
     def advance(self, t: float) -> None:
         """Drive until ``t`` s."""
-        self._pose, self._twist = obey(self._fleet, self._pose, self._twist, self._command, t - self._time)
-        self._time = t
+        self._simulation.step(self._command, t - self._simulation.time)
 
     def sense(self) -> Sensed:
         """Return where it is."""
-        return Sensed(self._pose[0].copy(), self._twist[0].copy(), None)
+        sensed = self._simulation.sense()
+        return Sensed(sensed.poses[0], sensed.twists[0], None)
 
     def send(self, command: Array) -> None:
         """Take a command."""

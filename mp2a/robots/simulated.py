@@ -9,12 +9,11 @@ from mp2a.robots.adapters import AdapterConfig, AdapterResult
 from mp2a.robots.interface import Sensed
 from mp2a.simulator import Simulation, World, read_world
 from mp2a.simulator.observation import Observation
+from mp2a.simulator.outcomes import touched
 from mp2a.spatial import Array
 
 if TYPE_CHECKING:
     from mp2a.mpi import MPI
-
-_SOLID = "a wall or an obstacle"
 
 
 def make(config: AdapterConfig) -> AdapterResult:
@@ -23,17 +22,7 @@ def make(config: AdapterConfig) -> AdapterResult:
     world = World() if config.world is None else read_world(config.world)
     simulation = Simulation(world, [robot.model for robot in config.robots.values()], config.places)
     clock = SimulationClock(simulation, config.period, [roles.index(role) for role in config.roles], config.comm)
-
-    def touched() -> dict[str, list[str]]:
-        out: dict[str, dict[str, None]] = {role: {} for role in roles}  # each once, in the order of time
-        for collision in simulation.collisions:
-            other = None if collision.other is None else roles[collision.other]
-            out[roles[collision.robot]][other or _SOLID] = None
-            if other is not None:
-                out[other][roles[collision.robot]] = None
-        return {role: list(things) for role, things in out.items()}
-
-    return AdapterResult(clock.robots, clock, touched=touched)
+    return AdapterResult(clock.robots, clock, touched=lambda: touched(simulation, roles))
 
 
 class SimulationClock:

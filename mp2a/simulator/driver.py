@@ -6,8 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.formation.pose_history import PoseHistory
-from mp2a.se2 import act
 from mp2a.simulator.events import RobotEvent, StateChanges
 from mp2a.simulator.observation import Observation
 from mp2a.spatial import Array
@@ -55,7 +53,6 @@ class SimulationDriver:
         self.robots = robots
         self.events: list[RobotEvent] = []
         self.leaders: list[Array] = []
-        self._history = PoseHistory(len(robots))
         self._changes = StateChanges(robots)
 
     @property
@@ -81,9 +78,3 @@ class SimulationDriver:
         """Do a step, and return None instead of commands once the robots are `done`: a `Controller`."""
         commands = self.step(sensed)
         return None if self.done else commands
-
-    def _on_ground(self, sensed: Observation) -> tuple[Array, NDArray[np.intp]]:
-        """Return points ``(k, 2)`` m in the ground frame, by where robots were at the time of the scan, and whose."""
-        self._history.add(sensed.time, sensed.poses)
-        whose = np.repeat(np.arange(len(self.robots)), [len(points) for points in sensed.points])
-        return act(self._history.at(sensed.stamps)[whose], np.concatenate(sensed.points)), whose

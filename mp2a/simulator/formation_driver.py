@@ -45,7 +45,8 @@ class FormationSimulationDriver(SimulationDriver):
         self.march = march
         super().__init__(march.exchange.robots)
         self._model = model
-        self._mates = PoseHistory(self._teammates().shape[0] * self._teammates().shape[1])
+        self._history = PoseHistory.empty(len(self.robots))
+        self._mates = PoseHistory.empty(self._teammates()[..., 0].size)
         self._rows: list[tuple[Any, ...]] = []
         self._stopped = np.zeros(len(self.robots), dtype=np.intp)
 
@@ -59,8 +60,9 @@ class FormationSimulationDriver(SimulationDriver):
         """Where the robots here stand with their march; where the path is not known it counts as over."""
         state, path = self.march.state, self.march.path
         over = path is None or (state.ticks - state.departure) * self.march.tick >= path.duration
-        errors = tuple("its LIDAR was silent" if failed else "" for failed in state.errors.failed)
-        return Ending(self._places()[:, :2], np.full(len(self.robots), over), errors, self._stopped)
+        here = range(len(self.robots))
+        errors = tuple(map(state.errors.cause, here))
+        return Ending(self._places()[:, :2], np.full(len(here), over), errors, self._stopped)
 
     @property
     def leader_paths(self) -> list[Array]:
@@ -75,8 +77,10 @@ class FormationSimulationDriver(SimulationDriver):
         """Return the commands ``(m, 2)`` of the robots here for what they know; m/s and rad/s."""
         here, model, m = sensed.poses, self._model, len(self.robots)
         mates = self._teammates()
-        self._mates.add(sensed.time, mates.reshape(-1, 3))
-        ground, whose = self._on_ground(sensed)
+        self._history = self._history.add(sensed.time, here)
+        self._mates = self._mates.add(sensed.time, mates.reshape(-1, 3))
+        whose = np.repeat(np.arange(m), [len(points) for points in sensed.points])
+        ground = act(self._history.at(sensed.stamps)[whose], np.concatenate(sensed.points))
         sizes = np.full(m, model.length), np.full(m, model.width)
         signals = stop_signals(act_inverse(here[whose], ground), whose, *sizes)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mp2a.dependencies import parse_toml
 from mp2a.exceptions import InputError
-from mp2a.file_kinds import kind_of_file
+from mp2a.file_kinds import read_text
 from mp2a.simulator.world import FARTHEST, World, box, disc
 
 _MOST_SIDES = 360
@@ -53,13 +53,7 @@ def read_world(path: str | Path) -> World:
         If the file cannot be read, is not TOML, or an entry is not what it has to be: the message names the file,
         the entry, what was given and what was expected.
     """
-    try:
-        text = Path(path).read_bytes().decode("utf-8")
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"{path}: cannot be read as a world file: it is {kind_of_file(path)}, expected TOML"
-        ) from error
-    return parse_world(text, str(path))
+    return parse_world(read_text(path, "a world file", "TOML"), str(path))
 
 
 def parse_world(text: str, where: str = "world") -> World:
