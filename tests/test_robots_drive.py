@@ -12,6 +12,7 @@ import pytest
 from file_publisher import FILE_PUBLISHER
 from hypothesis import given
 from hypothesis import strategies as st
+from ideal_robot import IdealRobot
 
 from mp2a import launch
 from mp2a.cli import main
@@ -20,16 +21,16 @@ from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.outcome import status
 from mp2a.formation.robot_models import HUSKY
-from mp2a.robots import drive_setup, dry, robots_file, sound
+from mp2a.robots import drive_setup, robots_file, sound
+from mp2a.robots import simulated as simulated_module
 from mp2a.robots.adapters import AdapterResult
 from mp2a.robots.clock import VirtualClock
 from mp2a.robots.driver import Driver, run_drivers
-from mp2a.robots.dry import DryRobot
 from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.robots.planner import ChoreographyPlanner, origin_of
 from mp2a.robots.robot_config import ROBOT_CONFIGS
 from mp2a.robots.sender import Sender
-from mp2a.robots.simulated import SimulationClock
+from mp2a.robots.simulated import SimulatedRobot, SimulationClock
 from mp2a.se2 import compose
 from mp2a.simulator import NO_SLIP, PHYSICS_ENGINE_SLIP, Simulation, World
 from mp2a.simulator.scenario_run import run as ideal_run
@@ -107,7 +108,7 @@ def test_learning_slip_brings_slipping_robots_closer_to_their_path(monkeypatch):
     assert learning < error()[1]
 
 
-class Failing(DryRobot):
+class Failing(IdealRobot):
     """An ideal robot whose sensors fail from a time on."""
 
     def __init__(self, pose, what, lidar):
@@ -193,7 +194,7 @@ def test_lidar_that_is_silent_for_a_little_less_is_not():
 
 
 def test_a_robot_is_closed_whatever_happens():
-    class Broken(DryRobot):
+    class Broken(IdealRobot):
         closed = False
 
         def sense(self):
@@ -221,7 +222,7 @@ def test_where_the_fixed_frame_lies_does_not_matter(frame):
 
     def commands(origin):
         start = compose(origin, [-0.5, 0.0, 0.0])
-        robot = DryRobot(HUSKY, start)
+        robot = IdealRobot(HUSKY, start)
         scenario = parse("robots R1\nrow R1 0 0\nmove 1 40")
         planner = ChoreographyPlanner(Choreography(scenario, HUSKY), False)
         driver = Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, True)
@@ -326,7 +327,7 @@ def test_a_drive_that_takes_too_long_or_loses_its_pose_says_so(monkeypatch, caps
     path = str(SCENARIOS / "listing_7_1.txt")
     assert main(["drive", path, "--longest", "3", "--quiet"]) == 3
     assert "m from its place: time was up" in capsys.readouterr().out
-    monkeypatch.setattr(DryRobot, "sense", lambda self: Sensed(NO_POSE, np.zeros(2), None))
+    monkeypatch.setattr(SimulatedRobot, "sense", lambda self: Sensed(NO_POSE, np.zeros(2), None))
     assert main(["drive", path, "--quiet"]) == 3
     assert "R1 did not arrive: in its error state, its pose was lost" in capsys.readouterr().out
 
@@ -336,7 +337,7 @@ def test_a_planner_that_stalls_is_told_in_a_line(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     interface = ROBOT_CONFIGS["husky"]
 
-    class Watched(DryRobot):
+    class Watched(IdealRobot):
         def __init__(self, pose):
             super().__init__(HUSKY, pose)
             self.sender = Sender(interface, "ros1", FILE_PUBLISHER, file=str(tmp_path / "sent"))
@@ -344,7 +345,7 @@ def test_a_planner_that_stalls_is_told_in_a_line(tmp_path, monkeypatch, capsys):
         def send(self, command):
             super().send(command)
             self.sender.send(*command)
-            if self._simulation.time > 1:
+            if self.simulated.now() > 1:
                 time.sleep(3 * interface.patience)
 
         def close(self):
@@ -354,7 +355,7 @@ def test_a_planner_that_stalls_is_told_in_a_line(tmp_path, monkeypatch, capsys):
         robots = [Watched(config.places[0])]
         return AdapterResult(robots, VirtualClock(config.period, robots))
 
-    monkeypatch.setattr(dry, "make", make)
+    monkeypatch.setattr(simulated_module, "make", make)
     scenario = tmp_path / "ahead.txt"
     scenario.write_text("robots R1\nrow R1 0 0\nmove 6 0")
     assert main(["drive", str(scenario), "--quiet"]) == 2

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ideal_robot import IdealRobot
 from rosbags.highlevel import AnyReader
 
 from mp2a import launch
@@ -20,7 +21,6 @@ from mp2a.cli import drive, main
 from mp2a.exceptions import DependencyError, InputError, OutputError
 from mp2a.robots import drive_setup
 from mp2a.robots.adapters import ADAPTERS, REAL, Adapter, AdapterResult
-from mp2a.robots.dry import DryRobot
 from mp2a.robots.interface import Sensed
 from mp2a.robots.records.bag_writer import BAGS
 from mp2a.robots.records.recorder import NO_BAG, DriveRecorder, RecordConfig
@@ -218,7 +218,7 @@ def test_without_rosbags_the_error_says_how_to_get_it(tmp_path, monkeypatch):
     assert DriveRecorder(orders(tmp_path / "out", "none"), wait=True).close() == ""
 
 
-class InRealTime(DryRobot):
+class InRealTime(IdealRobot):
     """An ideal robot that drives by the clock."""
 
     first = None
@@ -280,7 +280,7 @@ def test_a_planner_loads_its_adapter_alone():
     assert not loaded_by("import mp2a.robots.drive_setup, mp2a.robots.records.recorder") & everything
     assert loaded_by("import mp2a.robots.simulated") & everything == {"mp2a.simulator.simulation"}
     assert loaded_by("import mp2a.robots.records.recorded") & everything == {recorded}
-    assert not loaded_by("import mp2a.robots.dry, mp2a.robots.ros_robot") & everything
+    assert not loaded_by("import mp2a.robots.ros_robot") & everything
 
 
 def test_the_table_of_adapters_names_modules_that_are_there():

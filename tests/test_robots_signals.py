@@ -7,6 +7,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from ideal_robot import IdealRobot
 
 from mp2a.dependencies import parse_toml
 from mp2a.formation.choreography.reading import parse
@@ -16,7 +17,6 @@ from mp2a.robots import robots_file, sound
 from mp2a.robots.clock import VirtualClock
 from mp2a.robots.cloud import cloud_fields, read_cloud
 from mp2a.robots.driver import Driver, run_drivers
-from mp2a.robots.dry import DryRobot
 from mp2a.robots.planner import PATIENCE, ChoreographyPlanner
 from mp2a.robots.robot_config import ROBOT_CONFIGS
 from mp2a.robots.ros_backend import TopicWriter
@@ -109,7 +109,7 @@ def test_names_of_topics():
     assert names('stop_front_topic=""\nstop_rear_topic=""\nobstacles_topic=""\nsound_topic=""') == set()
 
 
-class Told(DryRobot):
+class Told(IdealRobot):
     """An ideal robot that other programs forbid to drive forward or backward."""
 
     def __init__(self, front, rear):

@@ -216,10 +216,9 @@ def test_one_robot_alone_starts_by_itself():
 def test_ranks_agree_over_mpi():
     """Real messages, real time; every rank says the same time to the last digit."""
     program = (
-        "import time\nfrom mpi4py import MPI\nfrom mp2a.robots.channel import MpiChannel, agree_on_start\n"
-        "from mp2a.robots.start import Start\ncomm = MPI.COMM_WORLD\ntime.sleep(0.3 * comm.rank)\n"
-        "roles = [f'R{k}' for k in range(comm.size)]\n"
-        "print('agreed', repr(agree_on_start(Start(roles[comm.rank], roles, {}, 1.0), MpiChannel(comm))), flush=True)\n"
+        "import time\nfrom mpi4py import MPI\nfrom mp2a.robots.channel import agree_over_ranks\n"
+        "time.sleep(0.3 * MPI.COMM_WORLD.rank)\n"
+        "print('agreed', repr(agree_over_ranks(MPI.COMM_WORLD)), flush=True)\n"
     )
     done = launch.run(
         3, [sys.executable, "-m", "mpi4py", "-c", program], timeout=90, stdout=subprocess.PIPE,

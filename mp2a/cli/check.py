@@ -86,7 +86,7 @@ def _timeline(result: "CheckReport") -> tables.Table:
         tables.Column("robots", left=True),
     )
     table = []
-    for (index, times), who in sorted(rows.items()):
-        began, ended = (*times, None)[:2]
+    for (index, span), who in sorted(rows.items()):
+        began, ended = (*span, None)[:2]
         table.append((instructions[index].line, began, ended, as_text(instructions[index]), " ".join(who)))
     return tables.Table("instructions", columns, table)

@@ -114,7 +114,7 @@ def _drive_as(options: argparse.Namespace, comm: "MPI.Comm | None") -> int:
                 recorder.add(driver.role, setup.epochs[driver.role] + round(1e9 * tick.time), tick)
 
         def outcomes(error: str = "") -> Any:
-            touched = setup.touched()
+            touched = setup.adapter.touched()
             return [driver.outcome(touched.get(driver.role, ()), error) for driver in setup.drivers]
 
         try:
@@ -129,7 +129,7 @@ def _drive_as(options: argparse.Namespace, comm: "MPI.Comm | None") -> int:
     failed = status(everyone)
     if comm is None or comm.rank == 0:
         show(everyone, printer.title(len(everyone)))
-    for line in setup.report(not failed):
+    for line in setup.adapter.report(not failed):
         print(line, flush=True)
     if lost:  # no exception: under mpirun it would end robots that still drive
         print(f"mp2a: --record: {lost}", file=sys.stderr, flush=True)

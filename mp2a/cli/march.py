@@ -142,18 +142,14 @@ def _agree(options: argparse.Namespace, comm: "MPI.Intracomm | None") -> "tuple[
     if comm is None:
         setup = set_up(options, None)
         return setup, _simulation(options, setup)
-    from mp2a.transport.agreement import raise_together
+    from mp2a.transport.agreement import shared_errors
 
     own: Any = None
     simulation: Any = None
-    wrong: InputError | None = None
-    if comm.rank == 0:
-        try:
+    with shared_errors(comm):
+        if comm.rank == 0:
             own = set_up(options, comm.size)
             simulation = _simulation(options, own)
-        except InputError as error:
-            wrong = error
-    raise_together(comm, wrong)
     common = comm.bcast(own._replace(path=None) if own is not None and hasattr(own, "path") else own)
     return (common if own is None else own), simulation
 

@@ -9,7 +9,7 @@ from mp2a.formation.constants import MOST_TEAMMATES
 from mp2a.formation.controller import FormationController
 from mp2a.formation.pose_history import PoseHistory
 from mp2a.formation.record import FormationRecord, row
-from mp2a.formation.robot_models import RobotModel
+from mp2a.formation.robot_models import Fleet, RobotModel
 from mp2a.formation.safety import safe_commands, stop_signals
 from mp2a.formation.sensing import pack
 from mp2a.formation.teammates import is_obstacle
@@ -44,7 +44,7 @@ class FormationSimulationDriver(SimulationDriver):
     def __init__(self, march: FormationController, model: RobotModel) -> None:
         self.march = march
         super().__init__(march.exchange.robots)
-        self._model = model
+        self._fleet = Fleet.of([model] * len(self.robots))
         self._history = PoseHistory.empty(len(self.robots))
         self._mates = PoseHistory.empty(self._teammates()[..., 0].size)
         self._rows: list[tuple[Any, ...]] = []
@@ -75,17 +75,16 @@ class FormationSimulationDriver(SimulationDriver):
 
     def step(self, sensed: Observation) -> Array:
         """Return the commands ``(m, 2)`` of the robots here for what they know; m/s and rad/s."""
-        here, model, m = sensed.poses, self._model, len(self.robots)
+        here, fleet, m = sensed.poses, self._fleet, len(self.robots)
         mates = self._teammates()
         self._history = self._history.add(sensed.time, here)
         self._mates = self._mates.add(sensed.time, mates.reshape(-1, 3))
         whose = np.repeat(np.arange(m), [len(points) for points in sensed.points])
         ground = act(self._history.at(sensed.stamps)[whose], np.concatenate(sensed.points))
-        sizes = np.full(m, model.length), np.full(m, model.width)
-        signals = stop_signals(act_inverse(here[whose], ground), whose, *sizes)
+        signals = stop_signals(act_inverse(here[whose], ground), whose, fleet.length, fleet.width)
 
         then = self._mates.at(np.repeat(sensed.stamps, mates.shape[1])).reshape(mates.shape)[..., :2]
-        reach = np.full(mates.shape[:2], np.hypot(model.length, model.width) / 2 + _SLACK)
+        reach = np.broadcast_to(fleet.radius[:, None] + _SLACK, mates.shape[:2])
         counts = is_obstacle(ground, whose, then, then, reach)
         local = act_inverse(self.march.state.pose[whose], ground)
         clouds = [local[counts & (whose == k)] if sensed.new[k] else None for k in range(m)]
@@ -104,7 +103,7 @@ class FormationSimulationDriver(SimulationDriver):
         lost = np.hypot(*(setpoints.pose - here)[:, :2].T) > _LOST
         states = (failed, stopped & ~failed, distance < self.march.law.radius, lost & ~failed)
         self.events += self._changes.events(sensed.time, here, states)
-        return safe_commands(raw, np.array([model.max_speed, model.max_turn_rate]), signals, failed)
+        return safe_commands(raw, fleet.fastest, signals, failed)
 
     def _places(self) -> Array:
         """Return where the robots here were to be if obstacles did not push them, ``(m, 3)``."""

@@ -7,6 +7,7 @@ import numpy as np
 from mp2a.formation.outcome import Outcome, outcome
 from mp2a.simulator.driver import Ending
 from mp2a.simulator.events import SOLID
+from mp2a.simulator.ideal import IdealSimulation
 from mp2a.simulator.simulation import Simulation
 
 
@@ -40,7 +41,7 @@ def outcomes(simulation: Simulation, roles: Sequence[str], ending: Ending) -> li
     return out
 
 
-def touched(simulation: Simulation, roles: Sequence[str]) -> dict[str, list[str]]:
+def touched(simulation: Simulation | IdealSimulation, roles: Sequence[str]) -> dict[str, list[str]]:
     """Return what each robot has driven into, or what into it: each once, in the order of time."""
     out: dict[str, list[str]] = {role: [] for role in roles}
     for event in simulation.collisions:

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography.findings import Finding
@@ -214,7 +214,9 @@ class _Reader:
         seen: set[str] = set()
         for word in words:
             if self.robots and word.text not in self.robots:
-                self.note(word, f"{whose}: got unknown robot {word.text[:40]!r}, expected {_some(self.robots)}")
+                self.note(
+                    word, f"{whose}: got unknown robot {word.text[:40]!r}, expected {one_of(self.robots, most=8)}"
+                )
             if word.text in seen:
                 self.note(word, f"{whose}: got robot {word.text} twice, expected it once")
             seen.add(word.text)
@@ -223,7 +225,7 @@ class _Reader:
         """Check whom an instruction is for, and that they have places."""
         name = group[0].text if group else None
         if name is not None and name not in self.groups:
-            known = _some(self.groups) if self.groups else "none, for no group is defined"
+            known = one_of(self.groups, most=8) if self.groups else "none, for no group is defined"
             self.note(group[0], f"{line.kind}: got unknown group {name[:40]!r}, expected {known}")
             return name
         members = self.robots or {} if name is None else self.groups[name].robots
@@ -231,7 +233,7 @@ class _Reader:
             self.used.add(name)
         lost = [role for role in members if role not in self.placed]
         if lost and not self.broken:
-            whom = "no robot has a place" if not self.placed else f"{_some(lost, 'and')}: no place"
+            whom = "no robot has a place" if not self.placed else f"{one_of(lost, 'and', 8)}: no place"
             self.note(_first(line), f"{line.kind}: {whom} yet, expected a formation before")
         return name
 
@@ -292,10 +294,3 @@ def _first(line: ScenarioLine) -> Word:
         return line.plain[0]
     text = "newVL" if line.kind == "new_leader" else line.kind
     return Word(text, line.number, 1)
-
-
-def _some(names: Iterable[str], last: str = "or") -> str:
-    listed = list(names)
-    if len(listed) > 8:
-        return ", ".join(listed[:8]) + ", …"
-    return listed[0] if len(listed) == 1 else f"{', '.join(listed[:-1])} {last} {listed[-1]}"

@@ -1,7 +1,7 @@
 """From text to lines of words, by the grammar next door; the only part that loads the parser library."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -120,6 +120,9 @@ def _wrong(number: int, content: str, error: "UnexpectedInput") -> Finding:
     return Finding("syntax", f"got {got}, expected {expected}", line=number, column=column)
 
 
-def one_of(words: "tuple[str, ...] | list[str]") -> str:
-    """Words with an "or" before the last."""
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
+def one_of(words: Iterable[str], last: str = "or", most: int = 20) -> str:
+    """Words with an "or" before the last, as long as there are not too many."""
+    *before, end = words
+    if len(before) >= most:
+        return ", ".join(before[:most]) + ", …"
+    return f"{', '.join(before)} {last} {end}" if before else end
