@@ -186,7 +186,7 @@ def test_queues_do_what_deques_do(seed, n):
         robots = compose(robots, drive(np.column_stack((rng.uniform(0, 1, n), rng.normal(0, 1, n))), TICK))
         zero = np.zeros(n)
         state = leader.Leaders(pose, np.ones((n, 2)), zero.astype(int), place)
-        queues = follower.push(queues, state.points)
+        queues = follower.enqueue(queues, state.points)
         queues, target, excess = follower.targets(queues, state, robots)
         for i, queue in enumerate(deques):
             own = compose(pose[i], (0.0, place[i, 1], 0.0))[:2]

@@ -221,7 +221,7 @@ def test_robots_are_expected_at_their_distance_and_never_go_back():
     for k in range(101):
         place = np.array([[-2.0 if k < 60 else -3.0 if k < 80 else -0.5, 0.0]])
         told = Leaders(np.array([[k / 10, 0.0, 0.0]]), np.ones((1, 2)), np.zeros(1, dtype=np.intp), place)
-        queues = follower.push(queues, np.array([[k / 10, 0.0]]))
+        queues = follower.enqueue(queues, np.array([[k / 10, 0.0]]))
         queues, there = teammates.expected_places(
             queues._replace(head=np.array([queues.tail])), told
         )  # passed points too

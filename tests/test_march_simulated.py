@@ -14,7 +14,7 @@ from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.pose_history import PoseHistory
 from mp2a.formation.robot_models import HUSKY, TRADR
-from mp2a.formation.tracking import commands
+from mp2a.formation.tracking import track
 from mp2a.plot.speeds import speeds_figure
 from mp2a.se2 import act, act_inverse
 from mp2a.simulator import (
@@ -108,7 +108,7 @@ def test_a_robot_comes_to_its_place_and_stays_on_it(ahead, left, heading, turn, 
     place = np.zeros((1, 3))
     pose = np.array([[ahead, left, heading]])
     for _ in range(1500):
-        told = commands(place, velocity, pose)
+        told = track(place, velocity, pose)
         pose = drive_arcs(pose, np.clip(told, [-1.0, -2.0], [1.0, 2.0]), 0.02)
         step = complex(*velocity[0, :2]) * np.exp(1j * place[0, 2])
         place = place + 0.02 * np.array([step.real, step.imag, turn])
@@ -116,7 +116,7 @@ def test_a_robot_comes_to_its_place_and_stays_on_it(ahead, left, heading, turn, 
 
 
 def test_a_robot_whose_place_stands_does_not_turn():
-    told = commands(np.array([[0.2, 0.5, 1.0]]), np.zeros((1, 3)), np.zeros((1, 3)))
+    told = track(np.array([[0.2, 0.5, 1.0]]), np.zeros((1, 3)), np.zeros((1, 3)))
     assert told[0, 1] == 0
     assert told[0, 0] == pytest.approx(1.5 * 0.2)
 

@@ -19,7 +19,7 @@ from mp2a.cli import main
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
-from mp2a.formation.outcome import status
+from mp2a.formation.outcome import exit_status
 from mp2a.formation.robot_models import HUSKY
 from mp2a.robots import drive_setup, robots_file, sound
 from mp2a.robots import simulated as simulated_module
@@ -60,7 +60,7 @@ def steps_of(drivers, clock, longest=100):
     run_drivers(drivers, clock, longest, lambda driver, step: steps[driver.role].append(step))
     last = [driven.pop() for driven in steps.values()]
     assert all(step.stands and not step.command.any() for step in last)
-    return not status(driver.outcome() for driver in drivers), steps
+    return not exit_status(driver.outcome() for driver in drivers), steps
 
 
 def test_each_robot_alone_does_what_all_together_do():

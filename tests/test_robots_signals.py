@@ -17,7 +17,7 @@ from mp2a.robots import robots_file, sound
 from mp2a.robots.clock import VirtualClock
 from mp2a.robots.cloud import cloud_fields, read_cloud
 from mp2a.robots.driver import Driver, run_drivers
-from mp2a.robots.planner import PATIENCE, ChoreographyPlanner
+from mp2a.robots.planner import HELD_PATIENCE, ChoreographyPlanner
 from mp2a.robots.robot_config import ROBOT_CONFIGS
 from mp2a.robots.ros_backend import TopicWriter
 from mp2a.robots.ros_robot import RosRobot
@@ -164,7 +164,7 @@ def test_a_robot_that_is_held_at_its_end_waits_before_it_gives_up():
     assert outcome.reason == "blocked by another program's stop signal"
     assert steps[-2].done
     over = next(step.time for step in steps if step.time > 1 and (step.leader == steps[-1].leader).all())
-    assert steps[-1].time - over < PATIENCE + 2
+    assert steps[-1].time - over < HELD_PATIENCE + 2
     assert max(speed for speed, _ in robot.sent[60:]) <= 0
 
 

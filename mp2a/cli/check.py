@@ -68,7 +68,7 @@ def _print(result: "CheckReport", path: Path, kind: str) -> int:
 
 def _timeline(result: "CheckReport") -> tables.Table:
     """Return the table of when each instruction began and ended, robots with the same times together."""
-    from mp2a.formation.choreography.scenario import as_text
+    from mp2a.formation.choreography.scenario import instruction_text
 
     spans: dict[tuple[int, str], list[float]] = {}
     instructions = {}
@@ -88,5 +88,5 @@ def _timeline(result: "CheckReport") -> tables.Table:
     table = []
     for (index, span), who in sorted(rows.items()):
         began, ended = (*span, None)[:2]
-        table.append((instructions[index].line, began, ended, as_text(instructions[index]), " ".join(who)))
+        table.append((instructions[index].line, began, ended, instruction_text(instructions[index]), " ".join(who)))
     return tables.Table("instructions", columns, table)

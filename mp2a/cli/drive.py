@@ -91,9 +91,9 @@ def _drive(options: argparse.Namespace) -> int:
 
 
 def _drive_as(options: argparse.Namespace, comm: "MPI.Comm | None") -> int:
-    from mp2a.cli.outcome import show
+    from mp2a.cli.outcome import show_outcomes
     from mp2a.formation.choreography.reading import parse
-    from mp2a.formation.outcome import status
+    from mp2a.formation.outcome import exit_status
     from mp2a.robots.drive_setup import roles_of_this_process, set_up_drive
     from mp2a.robots.driver import run_drivers
     from mp2a.robots.sender import WatchdogGoneError
@@ -120,15 +120,15 @@ def _drive_as(options: argparse.Namespace, comm: "MPI.Comm | None") -> int:
         try:
             run_drivers(setup.drivers, setup.clock, options.longest, tell)
         except WatchdogGoneError as error:
-            show(outcomes(f"{error}"), printer.title(len(roles)))
+            show_outcomes(outcomes(f"{error}"), printer.title(len(roles)))
             raise
     finally:
         if recorder is not None:
             lost = recorder.close()
     everyone = outcomes() if comm is None else _gather(comm, outcomes())
-    failed = status(everyone)
+    failed = exit_status(everyone)
     if comm is None or comm.rank == 0:
-        show(everyone, printer.title(len(everyone)))
+        show_outcomes(everyone, printer.title(len(everyone)))
     for line in setup.adapter.report(not failed):
         print(line, flush=True)
     if lost:  # no exception: under mpirun it would end robots that still drive

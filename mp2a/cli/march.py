@@ -5,10 +5,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from mp2a.cli.march_setup import MarchSetup, set_up
+from mp2a.cli.march_setup import MarchSetup, set_up_march
 from mp2a.cli.options import as_rank, bounded, command, positive, speed, words
 from mp2a.exceptions import DependencyError, InputError, OutputError
-from mp2a.formation.outcome import Outcome, status
+from mp2a.formation.outcome import Outcome, exit_status
 from mp2a.mpi_environment import under_mpi
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ class _Part(NamedTuple):
 def _agree(options: argparse.Namespace, comm: "MPI.Intracomm | None") -> "tuple[MarchSetup, Simulation | None]":
     """Set up in the first process and tell all; the path is the leader's alone."""
     if comm is None:
-        setup = set_up(options, None)
+        setup = set_up_march(options, None)
         return setup, _simulation(options, setup)
     from mp2a.transport.agreement import shared_errors
 
@@ -148,7 +148,7 @@ def _agree(options: argparse.Namespace, comm: "MPI.Intracomm | None") -> "tuple[
     simulation: Any = None
     with shared_errors(comm):
         if comm.rank == 0:
-            own = set_up(options, comm.size)
+            own = set_up_march(options, comm.size)
             simulation = _simulation(options, own)
     common = comm.bcast(own._replace(path=None) if own is not None and hasattr(own, "path") else own)
     return (common if own is None else own), simulation
@@ -235,7 +235,7 @@ def _finish(
         else:
             if not options.quiet:
                 print(path)
-    return _NOT_WRITTEN if wrong else status(ends)
+    return _NOT_WRITTEN if wrong else exit_status(ends)
 
 
 def _named(options: argparse.Namespace, ending: str) -> Path:
@@ -260,21 +260,21 @@ def _write(name: str, recording: "Recording", options: argparse.Namespace) -> Pa
 
 def _scan(parts: "list[_Part]", options: argparse.Namespace) -> Path:
     """Write what a march by dynamics keeps of its scan."""
-    from mp2a.formation.record import join, save
+    from mp2a.formation.record import join_records, save_record
 
     records = [part.record for part in parts if part.record is not None]
     about = {name: getattr(options, name) for name in _BY_DYNAMICS} | {
         "n": records[0].pose.shape[1] if len(records) == 1 else len(records), "method": options.method,
     }  # fmt: skip
     out = _named(options, "-scan.npz")
-    save(out, join(records), about)
+    save_record(out, join_records(records), about)
     return out
 
 
 def _show(recording: "Recording", ends: list[Outcome]) -> None:
     import numpy as np
 
-    from mp2a.cli.outcome import show
+    from mp2a.cli.outcome import show_outcomes
 
     way = np.hypot(*np.moveaxis(np.diff(recording.poses[..., :2], axis=0), -1, 0)).sum(axis=0)
     off = np.abs(recording.gaps - recording.leaders[..., 2])
@@ -284,7 +284,7 @@ def _show(recording: "Recording", ends: list[Outcome]) -> None:
         print(f"{event.time:6.1f} s  {event.text(recording.roles)}")
     if len(recording.events) > _PRINTED:
         print(f"and {len(recording.events) - _PRINTED} more events, see the recording")
-    show(ends, f"{len(ends)} robots, {recording.times[-1]:.1f} s, simulated", columns)
+    show_outcomes(ends, f"{len(ends)} robots, {recording.times[-1]:.1f} s, simulated", columns)
 
 
 def _numbers(text: str, *most: float) -> tuple[float, ...]:

@@ -95,7 +95,7 @@ def _exchange(comm: "MPI.Intracomm | None", model: "Model", method: str) -> "Ite
         yield MPIExchange(ranks)
 
 
-def set_up(options: argparse.Namespace, ranks: int | None) -> MarchSetup:
+def set_up_march(options: argparse.Namespace, ranks: int | None) -> MarchSetup:
     """Set a march up, in one process: it takes a parser, and the path is for the leader's process alone.
 
     Raises

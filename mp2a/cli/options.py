@@ -15,9 +15,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-WIDTH = 136
-"""Columns of the tables, whatever the terminal: cut-off headings help nobody."""
-
 
 def command(
     commands: Any, name: str, run: Callable[[argparse.Namespace], int | None], summary: str, examples: str

@@ -34,7 +34,7 @@ class FormationRecord(NamedTuple):
     """``(T, m)``"""
 
 
-def row(time: float, controller: FormationController, setpoints: Setpoints) -> tuple[Any, ...]:
+def record_row(time: float, controller: FormationController, setpoints: Setpoints) -> tuple[Any, ...]:
     """Return what is kept of a step that has just been made: a row of a `FormationRecord`."""
     report = controller.report
     assert report is not None
@@ -44,18 +44,18 @@ def row(time: float, controller: FormationController, setpoints: Setpoints) -> t
     )  # fmt: skip
 
 
-def join(parts: list[FormationRecord]) -> FormationRecord:
+def join_records(parts: list[FormationRecord]) -> FormationRecord:
     """Join the records of all processes, in the order of the robots."""
     columns = list(zip(*parts, strict=True))
     return FormationRecord(columns[0][0], *(np.concatenate(column, axis=1) for column in columns[1:]))
 
 
-def save(path: Path, record: FormationRecord, about: dict[str, Any]) -> None:
+def save_record(path: Path, record: FormationRecord, about: dict[str, Any]) -> None:
     """Write a record and what it is about as ``.npz``, whole or not at all; raises `OutputError` if it cannot."""
     save_arrays(path, _FORMAT, record._asdict(), about)
 
 
-def load(path: str | Path) -> tuple[FormationRecord, dict[str, Any]]:
-    """Read what `save` wrote; raises `InputError` if the file cannot be read or holds no march."""
+def load_record(path: str | Path) -> tuple[FormationRecord, dict[str, Any]]:
+    """Read what `save_record` wrote; raises `InputError` if the file cannot be read or holds no march."""
     fields = FormationRecord._fields
     return load_arrays(path, "march", _FORMAT, fields, lambda arrays, about: (FormationRecord(**arrays), about))

@@ -52,7 +52,7 @@ def pack(points: Sequence[ArrayLike | None], robots: int | None = None, *, finit
     return SensedPoints(np.concatenate(clouds) if clouds else np.empty((0, 2)), owners, heard)
 
 
-def check(sensed: SensedPoints, robots: int) -> SensedPoints:
+def check_points(sensed: SensedPoints, robots: int) -> SensedPoints:
     """Check packed points for a number of robots.
 
     Raises

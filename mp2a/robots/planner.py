@@ -27,7 +27,7 @@ class Decision(NamedTuple):
     """There is nothing more to come: it is in its place, or in its error state, or has waited long enough."""
 
 
-PATIENCE = 10.0
+HELD_PATIENCE = 10.0
 """s that a robot at whose end something is in the way waits for it to go away; ours."""
 _ROUNDING = 1e-9
 """s: ticks that are played back are as far apart as they were, to rounding."""
@@ -78,7 +78,7 @@ class ChoreographyPlanner:
         over = bool(dance.ended[own])
         if over and blocked:  # it may get free for a moment, and be held again
             self._held_since = min(self._held_since, t)
-        waited = t - self._held_since > PATIENCE - _ROUNDING
+        waited = t - self._held_since > HELD_PATIENCE - _ROUNDING
         stays = bool(error) or (waited if blocked else bool(dance.settled[own]))
         return Decision(command * (not held, 1.0), blocked, bool(dance.turn_held[own]), error, over, over and stays)
 

@@ -4,15 +4,15 @@ from typing import Any
 
 import numpy as np
 
-from mp2a.formation import tracking
 from mp2a.formation.constants import MOST_TEAMMATES
 from mp2a.formation.controller import FormationController
 from mp2a.formation.pose_history import PoseHistory
-from mp2a.formation.record import FormationRecord, row
+from mp2a.formation.record import FormationRecord, record_row
 from mp2a.formation.robot_models import Fleet, RobotModel
 from mp2a.formation.safety import safe_commands, stop_signals
 from mp2a.formation.sensing import pack
 from mp2a.formation.teammates import is_obstacle
+from mp2a.formation.tracking import track
 from mp2a.se2 import act, act_inverse, compose, inverse
 from mp2a.simulator.driver import Ending, SimulationDriver
 from mp2a.simulator.observation import Observation
@@ -91,10 +91,10 @@ class FormationSimulationDriver(SimulationDriver):
         setpoints = self.march.step(pack(clouds))
         report = self.march.report
         assert report is not None
-        self._rows.append(row(sensed.time, self.march, setpoints))
+        self._rows.append(record_row(sensed.time, self.march, setpoints))
 
         failed = setpoints.failed
-        raw = tracking.commands(setpoints.pose, report.scan.motion.velocity, here)
+        raw = track(setpoints.pose, report.scan.motion.velocity, here)
         stopped = signals.blocked(raw)
         self._stopped = np.where(stopped, np.sign(raw[:, 0]), 0).astype(np.intp)
         self.leaders.append(np.column_stack((setpoints.pose[:, :2], np.zeros(m))))

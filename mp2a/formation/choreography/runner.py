@@ -136,7 +136,7 @@ class Choreography:
             queues=follower.empty(n),
             gap_error=np.zeros(n),
             raw_command=np.zeros((n, 2)),
-            expected=np.stack((course.leaders.slot_poses[:, :2],) * teammates.MEMORY),
+            expected=np.stack((course.leaders.slot_poses[:, :2],) * teammates.EXPECTED_TICKS),
             force=np.zeros((n, 2, 2)),
             signals=StopSignals(*(np.zeros(n, dtype=bool) for _ in StopSignals._fields)),
             errors=ErrorStates.none(n),
@@ -292,8 +292,8 @@ class Choreography:
         self._report(state.leaders, leaders, time, first=tick == 0)
         queues = state.queues
         if not leaders.stands.all():
-            queues = queues if queues.tail else teammates.begin(queues, state.leaders)
-            queues = follower.push(queues, leaders.points)
+            queues = queues if queues.tail else teammates.lead_in(queues, state.leaders)
+            queues = follower.enqueue(queues, leaders.points)
         queues, there = teammates.expected_places(queues, leaders)
         expected = np.concatenate((state.expected[1:], there[None]))
         return state._replace(tick=tick, course=course, leaders=leaders, queues=queues, expected=expected)

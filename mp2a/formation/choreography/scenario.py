@@ -140,10 +140,10 @@ def format(scenario: Scenario) -> str:
     lines = [f"robots {' '.join(scenario.robots)}"]
     if scenario.groups:
         lines += ["groups", *(f"{group.name} {' '.join(group.robots)}" for group in scenario.groups)]
-    return "\n".join([*lines, "start", *map(as_text, scenario.instructions)]) + "\n"
+    return "\n".join([*lines, "start", *map(instruction_text, scenario.instructions)]) + "\n"
 
 
-def as_text(instruction: Instruction) -> str:
+def instruction_text(instruction: Instruction) -> str:
     """Line of one instruction."""
     match instruction:
         case Shape(name, rows, distances, spacings):
