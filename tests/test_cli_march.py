@@ -192,7 +192,7 @@ def test_help_has_examples():
         ([ROOM], "line 6"),
         (["--out", "/dev/null/x/y"], "--out: /dev/null/x/y.npz: cannot be written (Not a directory"),
         (["no such file"], "cannot be read as a scenario: it is not there, expected text"),
-        ([EXAMPLES], "cannot be read as text: it is a folder"),
+        ([EXAMPLES], "cannot be read as a scenario: it is a folder"),
         (["--out", "/dev/null"], "--out: got /dev/null, a device"),
         (["--seconds", "1e-300"], "got '1e-300', expected a number from 0.1 to 100000 s"),
         (["--seconds", "inf"], "got 'inf', expected a number from 0.1 to 100000 s"),

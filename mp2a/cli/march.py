@@ -2,8 +2,9 @@
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from mp2a.cli.march_setup import MarchSetup, set_up_march
 from mp2a.cli.options import as_rank, bounded, command, positive, speed, words
@@ -14,9 +15,8 @@ from mp2a.mpi_environment import under_mpi
 if TYPE_CHECKING:
     from mp2a.formation.record import FormationRecord
     from mp2a.mpi import MPI
-    from mp2a.simulator import Controller, Recording, RobotEvent, RunRecorder, Simulation
-    from mp2a.simulator.driver import Ending, SimulationDriver
-    from mp2a.spatial import Array
+    from mp2a.simulator import Controller, Recording, RunRecorder, Simulation
+    from mp2a.simulator.driver import Ending
 
 _FAR = 1e5
 """m: coordinates beyond it are taken for a mistake, as in world files."""
@@ -97,6 +97,7 @@ def _march_as_rank(options: argparse.Namespace) -> int:
 def _march_with(options: argparse.Namespace, comm: "MPI.Intracomm | None") -> int:
     """March with all robots in this process, or with one of them on each rank; rank 0 then has the world, too."""
     from mp2a.simulator import RunRecorder, simulate
+    from mp2a.simulator.driver import Ending
 
     setup, simulation = _agree(options, comm)
     recorder = None if simulation is None else RunRecorder(simulation, setup.roles)
@@ -112,29 +113,11 @@ def _march_with(options: argparse.Namespace, comm: "MPI.Intracomm | None") -> in
             from mp2a.simulator.ranks import simulate_over_ranks
 
             simulate_over_ranks(comm, driver, None if simulation is None else run)
-        parts = [_Part.of(driver)] if comm is None else comm.gather(_Part.of(driver))
+        parts = [driver.ending] if comm is None else comm.gather(driver.ending)
     result = 0
     if simulation is not None and recorder is not None and parts is not None:
-        result = _finish(options, simulation, recorder, setup, parts)
+        result = _finish(options, simulation, recorder, setup, Ending.of_all(parts))
     return result if comm is None else _for_all(comm, result)
-
-
-class _Part(NamedTuple):
-    """What the driver of a process leaves behind."""
-
-    leaders: "Array"
-    leader_paths: "list[Array]"
-    events: "list[RobotEvent]"
-    ending: "Ending"
-    record: "FormationRecord | None"
-
-    @classmethod
-    def of(cls, driver: "SimulationDriver") -> "_Part":
-        """Take it from the driver."""
-        import numpy as np
-
-        record = getattr(driver, "record", None)  # a choreography has none
-        return cls(np.array(driver.leaders), driver.leader_paths, driver.events, driver.ending, record)
 
 
 def _agree(options: argparse.Namespace, comm: "MPI.Intracomm | None") -> "tuple[MarchSetup, Simulation | None]":
@@ -202,17 +185,14 @@ def _finish(
     simulation: "Simulation",
     recorder: "RunRecorder",
     setup: MarchSetup,
-    parts: "list[_Part]",
+    ending: "Ending",
 ) -> int:
     """Print and write what the robots left behind; return the exit status."""
     import numpy as np
 
-    from mp2a.simulator.driver import Ending
     from mp2a.simulator.outcomes import outcomes
 
-    leaders = np.concatenate([part.leaders for part in parts], axis=1)
-    recording = recorder.recording(leaders, [event for part in parts for event in part.events], parts[0].leader_paths)
-    ending = Ending.of_all([part.ending for part in parts])
+    recording = recorder.recording(ending.leaders, ending.events, ending.leader_paths)
     if not options.file:  # only the leader knows its path, and when that is over
         ending = ending._replace(over=np.full(len(setup.roles), ending.over.all()))
     ends = outcomes(simulation, setup.roles, ending)
@@ -223,9 +203,12 @@ def _finish(
         for line in (str(each) for each in ends if not each.good):
             print(f"mp2a: {line}", file=sys.stderr)
     wrong = False
-    for name in (*options.write, *(() if options.file else ("scan",))):
+    writers = {name: partial(_write, name, recording, options) for name in options.write}
+    if ending.record is not None:
+        writers["scan"] = partial(_scan, ending.record, options)
+    for name, write in writers.items():
         try:
-            path = _scan(parts, options) if name == "scan" else _write(name, recording, options)
+            path = write()
         except DependencyError as error:
             if not options.quiet:
                 print(f"no {name}: {error}")
@@ -258,16 +241,13 @@ def _write(name: str, recording: "Recording", options: argparse.Namespace) -> Pa
     return plot.save_figure(figure(recording), path)
 
 
-def _scan(parts: "list[_Part]", options: argparse.Namespace) -> Path:
+def _scan(record: "FormationRecord", options: argparse.Namespace) -> Path:
     """Write what a march by dynamics keeps of its scan."""
-    from mp2a.formation.record import join_records, save_record
+    from mp2a.formation.record import save_record
 
-    records = [part.record for part in parts if part.record is not None]
-    about = {name: getattr(options, name) for name in _BY_DYNAMICS} | {
-        "n": records[0].pose.shape[1] if len(records) == 1 else len(records), "method": options.method,
-    }  # fmt: skip
+    about = {name: getattr(options, name) for name in _BY_DYNAMICS}
     out = _named(options, "-scan.npz")
-    save_record(out, join_records(records), about)
+    save_record(out, record, about | {"n": record.pose.shape[1], "method": options.method})
     return out
 
 

@@ -46,11 +46,13 @@ class ChoreographySimulationDriver(SimulationDriver):
             dance.ended[mine],
             tuple(map(dance.state.errors.cause, mine)),
             np.where(dance.blocked[mine], direction, 0),
+            np.array(self.leaders),
+            self._leader_paths(),
+            self.events,
         )
 
-    @property
-    def leader_paths(self) -> list[Array]:
-        """Ways ``(k, 2)`` m of the virtual leaders so far; a new leader begins a new line."""
+    def _leader_paths(self) -> list[Array]:
+        """Return the ways ``(k, 2)`` m of the virtual leaders so far; a new leader begins a new line."""
         if not self._leader_places:
             return []
         ways = np.moveaxis(np.array(self._leader_places), 1, 0)

@@ -61,12 +61,14 @@ class FormationSimulationDriver(SimulationDriver):
         state, path = self.march.state, self.march.path
         over = path is None or (state.ticks - state.departure) * self.march.tick >= path.duration
         here = range(len(self.robots))
-        errors = tuple(map(state.errors.cause, here))
-        return Ending(self._places()[:, :2], np.full(len(here), over), errors, self._stopped)
+        errors, over_all = tuple(map(state.errors.cause, here)), np.full(len(here), over)
+        return Ending(
+            self._places()[:, :2], over_all, errors, self._stopped, np.array(self.leaders), self._leader_paths(),
+            self.events, self.record,
+        )  # fmt: skip
 
-    @property
-    def leader_paths(self) -> list[Array]:
-        """The leader's path ``(k, 2)`` m, in its process."""
+    def _leader_paths(self) -> list[Array]:
+        """Return the leader's path ``(k, 2)`` m, in its process."""
         path = self.march.path
         if path is None:
             return []
