@@ -189,8 +189,8 @@ def test_links_are_not_written_through_nor_replaced(tmp_path):
     assert not (tmp_path / "elsewhere").exists()
 
 
-@pytest.mark.parametrize("what", ["/dev/null", "run.npz"])
-def test_what_is_no_folder_is_named_and_stays(what, tmp_path, capsys):
+@pytest.mark.parametrize(("what", "kind"), [("/dev/null", "empty"), ("run.npz", "a zip archive, as numpy's .npz are")])
+def test_what_is_no_folder_is_named_and_stays(what, kind, tmp_path, capsys):
     path = tmp_path / what  # the device itself, if it is one
     if not path.exists():
         np.savez(path, a=1)
@@ -199,7 +199,7 @@ def test_what_is_no_folder_is_named_and_stays(what, tmp_path, capsys):
     assert f"--record: {path} cannot be made a folder (File exists)" in capsys.readouterr().err
     assert path.stat() == before
     assert main(["drive", SCENARIO, "--quiet", "--recording", str(path)]) == 2
-    assert f"recording: {path} cannot be read as a bag of ROS 1 or ROS 2 (" in capsys.readouterr().err
+    assert f"recording: {path} cannot be read as a bag of ROS 1 or ROS 2: it is {kind} (" in capsys.readouterr().err
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):

@@ -26,10 +26,10 @@ class PoseHistory(NamedTuple):
         return cls(np.empty(0), np.empty((0, m, 3)))
 
     def add(self, time: float, poses: Array) -> "PoseHistory":
-        """Remember poses ``(m, 3)`` at a time in s; one that is not a number is the one before."""
+        """Remember poses ``(m, 3)`` at a time in s; one that is not finite counts as the one before."""
         kept = (self.times > time - MEMORY) & (self.times < time)
         before = self.poses[-1] if len(self.poses) else poses
-        known = np.where(np.isnan(poses), before, poses)
+        known = np.where(np.isfinite(poses).all(axis=1, keepdims=True), poses, before)
         return PoseHistory(np.append(self.times[kept], time), np.concatenate((self.poses[kept], known[None])))
 
     def at(self, stamps: ArrayLike) -> Array:

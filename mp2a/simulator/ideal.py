@@ -9,7 +9,7 @@ from mp2a.checks import array
 from mp2a.formation.robot_models import Fleet, RobotModel
 from mp2a.simulator.events import RobotEvent
 from mp2a.simulator.observation import Observation
-from mp2a.simulator.vehicle import drive_arcs, respond
+from mp2a.simulator.vehicle import drive_arcs, speeds_after
 from mp2a.spatial import Array
 
 
@@ -51,5 +51,5 @@ class IdealSimulation:
 def obey(fleet: Fleet, poses: Array, twists: Array, commands: Array, dt: float) -> tuple[Array, Array]:
     """Return poses ``(n, 3)`` and twists ``(n, 2)`` after ``dt`` s: speeds follow commands as limits allow."""
     wanted = np.clip(commands, -fleet.fastest, fleet.fastest)
-    reached = respond(twists, wanted, fleet.accelerations, dt).end
+    reached = speeds_after(twists, wanted, fleet.accelerations, dt)
     return drive_arcs(poses, reached, dt), reached

@@ -299,20 +299,13 @@ class Choreography:
         return state._replace(tick=tick, course=course, leaders=leaders, queues=queues, expected=expected)
 
     def _report(self, before: leader.Leaders, after: leader.Leaders, time: float, first: bool) -> None:
-        changed = np.ones(len(self.program), bool) if first else before.step != after.step
-        for i in np.flatnonzero(changed):
-            row = self.program.instruction[i]
-            for k in range(before.step[i], after.step[i]):
-                if first or k > before.step[i]:
-                    self._event(time, i, row[k], "began")
-                self._event(time, i, row[k], "ended")
-            if row[after.step[i]] >= 0:
-                self._event(time, i, row[after.step[i]], "began")
-
-    def _event(self, time: float, robot: np.intp, index: np.intp, what: str) -> None:
-        self.events.append(
-            InstructionEvent(time, self.robots[robot], int(index), self.scenario.instructions[index], what)
-        )
+        for i, row in enumerate(self.program.instruction):
+            begin, end = before.step[i], after.step[i]
+            for k in range(begin, end + 1):
+                for what in ("began",) * bool(first or k > begin) + ("ended",) * bool(k < end):
+                    if row[k] >= 0:  # the end of the program is no instruction
+                        instruction = self.scenario.instructions[row[k]]
+                        self.events.append(InstructionEvent(time, self.robots[i], int(row[k]), instruction, what))
 
 
 def _models(scenario: Scenario, robots: RobotModel | Mapping[str, RobotModel]) -> tuple[RobotModel, ...]:
@@ -335,5 +328,5 @@ def _moved_to_now(sensed: SensedPoints, history: PoseHistory, stamps: Array) -> 
     """
     then, now = history.at(stamps)[sensed.robot], history.poses[-1, sensed.robot]
     moved = act_inverse(now, act(then, sensed.points))
-    still = ((then == now) | np.isnan(then)).all(axis=1)
+    still = ((then == now) | ~np.isfinite(then)).all(axis=1)
     return sensed._replace(points=np.where(still[:, None], sensed.points, moved))
