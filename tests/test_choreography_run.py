@@ -324,6 +324,8 @@ def test_wrong_robots():
     ):
         with pytest.raises(InputError, match=message):
             dance(LISTINGS["listing_7_1"], robots)
+    with pytest.raises(InputError, match=r"here: got \[2\], expected numbers of robots, from 0 to 1"):
+        dance(LISTINGS["listing_7_1"], here=[2])
     with pytest.raises(InputError, match="max_speed: got -1"):
         dance(LISTINGS["listing_7_1"], max_speed=-1)
     with pytest.raises(InputError, match="width: got 0 for robot X, expected a positive number"):

@@ -323,6 +323,17 @@ def test_a_robot_that_was_blocked_stays_so_until_new_points_come():
     assert blocked == [True, True, True, False, False]
 
 
+def test_what_brought_a_robot_into_its_error_state_stays_so_whatever_else_fails_later():
+    for first, cause in (("points", "its LIDAR was silent"), ("pose", "its pose was lost")):
+        show = Choreography(parse(ONE), HUSKY)
+        for tick in range(20):
+            fails = ("points", "pose") if tick >= 10 else (first,) if tick >= 3 else ()
+            poses = show.slot_poses() * (np.nan if "pose" in fails else 1.0)
+            show.step(tick * 0.1, poses, np.zeros((1, 2)), [None if "points" in fails else CLEAR])
+            assert show.state.errors.cause(0) in ("", cause)
+        assert show.state.errors.failed[0]
+
+
 def test_a_robot_that_lost_its_pose_for_a_moment_has_its_path_still():
     shows = [Choreography(parse(ONE), HUSKY, poses=[[50.0, 0.0, 0.0]]) for _ in range(2)]
     for tick in range(8):

@@ -31,9 +31,8 @@ from mp2a.formation.obstacles import ObstacleLaw
 from mp2a.formation.path_queue import PathQueues
 from mp2a.formation.paths import Path
 from mp2a.formation.safety import ErrorStates
-from mp2a.formation.sensing import SensedPoints
+from mp2a.formation.sensing import SensedPoints, is_obstacle
 from mp2a.formation.springs import Displacement, Springs, solve
-from mp2a.formation.teammates import is_obstacle
 from mp2a.formation.vectors import as_complex, as_vectors
 from mp2a.se2 import PlanarMotion, act, inverse, relative, rotate, wrap
 from mp2a.spatial import Array

@@ -103,7 +103,7 @@ class SimulatedRobot:
     def sense(self) -> Sensed:
         """Return what the simulator says."""
         seen, i = self._clock.sensed, self._number
-        return Sensed(seen.poses[i], seen.twists[i], seen.news[i] if self.has_lidar else None)
+        return Sensed(seen.poses[i], seen.twists[i], seen.news[i] if seen.points else None)
 
     def send(self, command: Array) -> None:
         """Take a command for the next tick."""

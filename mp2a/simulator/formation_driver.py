@@ -10,8 +10,7 @@ from mp2a.formation.pose_history import PoseHistory
 from mp2a.formation.record import FormationRecord, record_row
 from mp2a.formation.robot_models import Fleet, RobotModel
 from mp2a.formation.safety import safe_commands, stop_signals
-from mp2a.formation.sensing import pack
-from mp2a.formation.teammates import is_obstacle
+from mp2a.formation.sensing import is_obstacle, pack
 from mp2a.formation.tracking import track
 from mp2a.se2 import act, act_inverse, compose, inverse
 from mp2a.simulator.driver import Ending, SimulationDriver

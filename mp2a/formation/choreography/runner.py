@@ -99,7 +99,7 @@ class Choreography:
     Raises
     ------
     InputError
-        If a role has no model, a model is for no role, or ``max_speed`` is not positive.
+        If a role has no model, a model is for no role, a robot is not there, or ``max_speed`` is not positive.
 
     Examples
     --------
@@ -128,6 +128,8 @@ class Choreography:
         self._exchange, self._shared = exchange, shared_leaders(self.program)
         everyone = np.arange(n) if exchange is None else exchange.robots
         self.here: NDArray[np.intp] = everyone if here is None else array("here", here, (None,), whole=True)
+        if not np.isin(self.here, np.arange(n)).all():
+            raise InputError(f"here: got {self.here.tolist()}, expected numbers of robots, from 0 to {n - 1}")
         course = leader.start(self.program, None if poses is None else array("poses", poses, (n, 3)))
         self.state = ChoreographyState(
             tick=-1,

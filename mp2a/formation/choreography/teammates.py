@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mp2a.formation.choreography.follower import Queues, enqueue
 from mp2a.formation.choreography.leader import Leaders
 from mp2a.formation.constants import MOST_TEAMMATES, TARGET_TOLERANCE, WINDOW
-from mp2a.formation.teammates import is_obstacle
+from mp2a.formation.sensing import is_obstacle
 from mp2a.se2 import act_inverse
 from mp2a.spatial import Array
 
