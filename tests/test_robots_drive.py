@@ -113,23 +113,15 @@ class Failing(IdealRobot):
 
     def __init__(self, pose, what, lidar):
         super().__init__(HUSKY, pose)
-        self.what, self.has_lidar, self.ticks, self.sent, self.warnings = what, lidar, 0, [], []
+        self.what, self.has_lidar = what, lidar
 
     def sense(self):
-        self.ticks += 1
         sensed = super().sense()
         failed = self.what(self.ticks)
         pose = NO_POSE if failed == "pose" else sensed.pose
         seen = [[0.9, 0.0]] if failed == "wall" else np.empty((0, 2))
         points = None if failed == "points" or not self.has_lidar else np.array(seen)
         return Sensed(pose, sensed.twist, points)
-
-    def send(self, command):
-        super().send(command)
-        self.sent.append(tuple(command))
-
-    def warn(self, text):
-        self.warnings.append((self.ticks, text))
 
 
 def fail(what, lidar=True):

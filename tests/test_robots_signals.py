@@ -114,19 +114,11 @@ class Told(IdealRobot):
 
     def __init__(self, front, rear):
         super().__init__(HUSKY, np.array([-0.5, 0.0, 0.0]))
-        self.ticks, self.sent, self.warnings = 0, [], []
         self.front, self.rear = front, rear
 
     def sense(self):
-        self.ticks += 1
-        return super().sense()._replace(stop_front=self.front(self.ticks), stop_rear=self.rear(self.ticks))
-
-    def send(self, command):
-        super().send(command)
-        self.sent.append(tuple(command))
-
-    def warn(self, text):
-        self.warnings.append((self.ticks, text))
+        sensed = super().sense()
+        return sensed._replace(stop_front=self.front(self.ticks), stop_rear=self.rear(self.ticks))
 
 
 def drive(front=lambda _: False, rear=lambda _: False, scenario=AHEAD):

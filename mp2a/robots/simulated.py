@@ -98,7 +98,6 @@ class SimulatedRobot:
     def __init__(self, clock: SimulationClock, number: int) -> None:
         self._clock, self._number = clock, number
         self.has_lidar = bool(clock.sensed.points)
-        self.warnings: list[str | None] = []
 
     def sense(self) -> Sensed:
         """Return what the simulator says."""
@@ -110,8 +109,7 @@ class SimulatedRobot:
         self._clock.give(self._number, command)
 
     def warn(self, text: str | None) -> None:
-        """Remember what would be said."""
-        self.warnings.append(text)
+        """Say nothing: nobody is there to hear it."""
 
     def close(self) -> None:
         """Stand."""
