@@ -11,6 +11,8 @@ from mp2a.transport.wait import wait_unless
 if TYPE_CHECKING:
     from mp2a.mpi import MPI
 
+_NAP = 0.01
+"""s that a rank sleeps at most between two looks whether all others are ready."""
 _FAREWELLS = 10
 """Messages to those whose terms are refused."""
 
@@ -36,7 +38,7 @@ def agree_over_ranks(comm: "MPI.Comm") -> float:
     DependencyError
         If the clocks of two ranks differ.
     """
-    wait_unless(comm.Ibarrier(), lambda: False)
+    wait_unless(comm.Ibarrier(), lambda: False, longest_nap=_NAP)
     times = comm.allgather(time.time())
     apart = max(times) - min(times)
     if apart > CLOCK_TOLERANCE:
