@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 
 from mp2a.formation import LocalExchange
-from mp2a.formation.choreography.ideal import run
 from mp2a.formation.choreography.leader_broadcast import planar_chain
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
-from mp2a.formation.choreography.scenario import as_text
+from mp2a.formation.choreography.scenario import instruction_text
 from mp2a.formation.robot_models import TRADR
+from mp2a.simulator.scenario_run import run
 
 scenario = parse((Path(__file__).parent / "scenarios" / "listing_6_3.txt").read_text())
 # The first robot alone works the virtual leaders out; the scan along the chain of robots tells the others.
@@ -33,4 +33,4 @@ for number, instruction in enumerate(scenario.instructions):
         for i, robot in enumerate(dance.robots)
     ]
     row = "".join(f"{speed:>14}" for speed in speeds)
-    print(f"{mine[0].time:6.1f} {mine[-1].time:6.1f}  {as_text(instruction):<30}{row}")
+    print(f"{mine[0].time:6.1f} {mine[-1].time:6.1f}  {instruction_text(instruction):<30}{row}")

@@ -22,13 +22,15 @@ def numbers(name: str, value: ArrayLike) -> NDArray[np.float64]:
     return values.astype(np.float64, copy=False)
 
 
-def array(name: str, value: ArrayLike, shape: tuple[int | None, ...], *, whole: bool = False) -> NDArray[Any]:
-    """Return finite numbers as an own array of a shape (None: any length), as integers if they are to be whole."""
+def array(
+    name: str, value: ArrayLike, shape: tuple[int | None, ...], *, whole: bool = False, finite: bool = True
+) -> NDArray[Any]:
+    """Return finite (or any) numbers as an own array of a shape (None: any length), as integers if they are whole."""
     values = numbers(name, value) + 0.0  # a copy, in which -0.0, which equals 0.0, has its bits as well
     if values.ndim != len(shape) or any(want not in (None, got) for want, got in zip(shape, values.shape, strict=True)):
         wanted = str(tuple(shape)).replace("None", "n")
         raise InputError(f"{name}: got shape {values.shape}, expected {wanted}")
-    if not np.isfinite(values).all():
+    if finite and not np.isfinite(values).all():
         where = tuple(int(k) for k in np.argwhere(~np.isfinite(values))[0])
         raise InputError(f"{name}: got {values[where]} at {where}, expected finite numbers")
     if not whole:

@@ -3,6 +3,8 @@
 import codecs
 from pathlib import Path
 
+from mp2a.exceptions import InputError
+
 _BEGINS = (
     (b"\x89MCAP0\r\n", "an MCAP file"),
     (b"SQLite format 3\x00", "an SQLite database, as rosbag2 writes"),
@@ -40,6 +42,29 @@ def kind_of_file(path: str | Path) -> str:
     if not begin:
         return "empty"
     return next((kind for magic, kind in _BEGINS if begin.startswith(magic)), None) or _kind_of_text(begin)
+
+
+def read_text(path: str | Path, what: str, expected: str) -> str:
+    """Read a file of text.
+
+    Parameters
+    ----------
+    path
+        The file.
+    what, expected
+        As what it is read, and what that is, for the error.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read: the message says what it is instead.
+    """
+    try:
+        return Path(path).read_bytes().decode("utf-8")
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{path}: cannot be read as {what}: it is {kind_of_file(path)}, expected {expected}"
+        ) from error
 
 
 def _kind_of_text(begin: bytes) -> str:

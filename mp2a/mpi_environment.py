@@ -9,6 +9,9 @@ import os
 import re
 from typing import NamedTuple
 
+RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
+"""The rank, by launcher; who has one of these is a rank."""
+
 
 class RankInfo(NamedTuple):
     """The place of this process among the ranks that a launcher started."""
@@ -23,7 +26,7 @@ class RankInfo(NamedTuple):
 
 def rank_info() -> RankInfo | None:
     """Return the place of this process among the ranks; None where no launcher of MPI started it."""
-    rank = _number("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
+    rank = _number(*RANK_VARIABLES)
     if rank is None:
         return None
     size = _number("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS")

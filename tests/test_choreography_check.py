@@ -1,5 +1,6 @@
 """What a check finds: on paper, in a run, from the command line; and that it survives anything."""
 
+import itertools
 import random
 import subprocess
 import sys
@@ -7,13 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+import shapely
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mp2a.exceptions import InputError
-from mp2a.formation.choreography.check import check, demo
-from mp2a.formation.choreography.collisions import close_pairs, overlaps
 from mp2a.formation.robot_models import HUSKY, TRADR
+from mp2a.simulator.check import check, demo
+from mp2a.simulator.clearance import close_pairs
+from mp2a.simulator.world import rectangles
 
 SCENARIOS = Path(__file__).parents[1] / "examples" / "scenarios"
 LISTINGS = {path.stem: path.read_text() for path in SCENARIOS.glob("*.txt")}
@@ -26,63 +29,21 @@ def kinds(findings, serious=True):
 # ---- rectangles ------------------------------------------------------------------------------------------------
 
 
-def corners(centre, heading, half):
-    c, s = np.cos(heading), np.sin(heading)
-    return [
-        (centre[0] + c * a * half[0] - s * b * half[1], centre[1] + s * a * half[0] + c * b * half[1])
-        for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))
-    ]
-
-
-def clipped_area(subject, clip):
-    """Area two convex polygons share (Sutherland and Hodgman)."""
-
-    def side(p, a, b):
-        return (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
-
-    for a, b in zip(clip, clip[1:] + clip[:1], strict=True):
-        out = []
-        for p, q in zip(subject, subject[1:] + subject[:1], strict=True):
-            sp, sq = side(p, a, b), side(q, a, b)
-            if sp >= 0:
-                out.append(p)
-            if (sp < 0) != (sq < 0):
-                t = sp / (sp - sq)
-                out.append((p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1])))
-        subject = out
-        if not subject:
-            return 0.0
-    pairs = zip(subject, subject[1:] + subject[:1], strict=True)
-    return abs(sum(p[0] * q[1] - q[0] * p[1] for p, q in pairs)) / 2
-
-
-SIZE = st.tuples(st.floats(0.1, 1), st.floats(0.1, 1))
-ANGLE = st.floats(-4, 4)
-
-
-@given(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), ANGLE, SIZE, ANGLE, SIZE)
-def test_rectangles_overlap_if_they_share_an_area(offset, heading, size, other_heading, other_size):
-    area = clipped_area(corners((0, 0), heading, size), corners(offset, other_heading, other_size))
-    got = overlaps(*(np.array(x) for x in (offset, heading, size, other_heading, other_size)))
-    assume(area == 0 or area > 1e-9)
-    grown = np.array(size) + 1e-6
-    near = overlaps(*(np.array(x) for x in (offset, heading, grown, other_heading, other_size)))
-    assume(bool(near) == bool(got))
-    assert bool(got) == (area > 0)
-
-
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=20)
 def test_pairs_and_times_are_found_as_one_looks_for_them(seed):
     rng = np.random.default_rng(seed)
     poses = np.cumsum(rng.normal(0, 0.3, (40, 4, 3)), axis=0)
     sizes = rng.uniform(0.3, 1, (4, 2))
-    found = {(c.first, c.second, tick) for c in close_pairs(poses, sizes, 0.1, 0) for tick in range(c.begin, c.end + 1)}
-    for i in range(4):
-        for j in range(i + 1, 4):
-            arguments = poses[:, i, 2], np.tile(sizes[i] / 2 + 0.05, (40, 1)), poses[:, j, 2], sizes[j] / 2 + 0.05
-            close = overlaps(poses[:, j, :2] - poses[:, i, :2], *arguments)
-            assert {tick for a, b, tick in found if (a, b) == (i, j)} == set(np.flatnonzero(close))
+    found = close_pairs(poses, sizes, 0.1, 0)
+    ticks = {(c.first, c.second, tick) for c in found for tick in range(c.begin, c.end + 1)}
+    bodies = [shapely.polygons(rectangles(poses[:, i], *np.tile(sizes[i], (40, 1)).T)) for i in range(4)]
+    for i, j in itertools.combinations(range(4), 2):
+        gaps = shapely.distance(bodies[i], bodies[j])
+        assert {tick for a, b, tick in ticks if (a, b) == (i, j)} == set(np.flatnonzero(gaps < 0.1))
+        for close in found:
+            if (close.first, close.second) == (i, j):
+                assert close.gap == gaps[close.begin : close.end + 1].min()
 
 
 def test_times_of_a_pair_that_are_close_together_are_one():
@@ -299,7 +260,7 @@ def test_command_prints_a_demo_that_it_has_nothing_against(tmp_path):
     ("arguments", "message"),
     [
         ([], "FILE: got none"),
-        (["nowhere.txt"], "FILE: nowhere.txt cannot be read"),
+        (["nowhere.txt"], "nowhere.txt: cannot be read as a scenario"),
         (
             [SCENARIOS / "listing_7_1.txt", "--robots", "tank"],
             "--robots: got model 'tank', expected one of husky, tradr",

@@ -11,12 +11,11 @@ from hypothesis import strategies as st
 
 from mp2a.exceptions import DependencyError, InputError
 from mp2a.formation.choreography import syntax
-from mp2a.formation.choreography.check import demo
 from mp2a.formation.choreography.program import CIRCLE, MEET, MOVE, SHAPE, compile_program
 from mp2a.formation.choreography.reading import parse, read
 from mp2a.formation.choreography.scenario import Circle, Group, Move, NewLeader, Scenario, Shape, format
-from mp2a.formation.choreography.slots import slots
 from mp2a.formation.choreography.syntax import INSTRUCTIONS, grammar
+from mp2a.simulator.check import demo
 
 ROOT = Path(__file__).parents[1]
 LISTINGS = sorted((ROOT / "examples" / "scenarios").glob("listing_*.txt"))
@@ -263,7 +262,7 @@ def test_every_robot_gets_every_instruction_that_is_for_it(scenario):
 @settings(max_examples=50, deadline=None)
 def test_places_are_as_far_apart_as_written(data):
     shape = data.draw(shapes(("a", "b", "c", "d")))
-    where = slots(shape)
+    where = shape.slots()
     assert set(where) == set(shape.robots)
     x = [where[row[0]][0] for row in shape.rows]
     assert x[0] == -0.5

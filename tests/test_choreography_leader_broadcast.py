@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography import leader
-from mp2a.formation.choreography.ideal import run
 from mp2a.formation.choreography.leader_broadcast import broadcast_leaders, planar_chain, shared_leaders
 from mp2a.formation.choreography.program import compile_program
 from mp2a.formation.choreography.reading import parse
@@ -20,6 +19,7 @@ from mp2a.formation.exchange import LocalExchange
 from mp2a.formation.robot_models import HUSKY, TRADR
 from mp2a.methods import METHODS
 from mp2a.se2 import compose, drive
+from mp2a.simulator.scenario_run import run
 
 LISTINGS = {
     path.stem: path.read_text() for path in (Path(__file__).parents[1] / "examples" / "scenarios").glob("*.txt")

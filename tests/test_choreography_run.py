@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography import follower, leader
-from mp2a.formation.choreography.ideal import obey, run
 from mp2a.formation.choreography.program import CIRCLE, MOVE, compile_program
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
@@ -22,6 +21,8 @@ from mp2a.formation.choreography.scenario import Group, Move, Scenario, Shape
 from mp2a.formation.constants import TARGET_AHEAD, TARGET_TOLERANCE, TICK, WAYPOINT_TOLERANCE
 from mp2a.formation.robot_models import HUSKY, ROBOTS, TRADR, RobotModel
 from mp2a.se2 import compose, drive, wrap
+from mp2a.simulator.ideal import obey
+from mp2a.simulator.scenario_run import run
 
 LISTINGS = {
     path.stem: path.read_text() for path in (Path(__file__).parents[1] / "examples" / "scenarios").glob("*.txt")
@@ -185,7 +186,7 @@ def test_queues_do_what_deques_do(seed, n):
         robots = compose(robots, drive(np.column_stack((rng.uniform(0, 1, n), rng.normal(0, 1, n))), TICK))
         zero = np.zeros(n)
         state = leader.Leaders(pose, np.ones((n, 2)), zero.astype(int), place)
-        queues = follower.push(queues, state.points)
+        queues = follower.enqueue(queues, state.points)
         queues, target, excess = follower.targets(queues, state, robots)
         for i, queue in enumerate(deques):
             own = compose(pose[i], (0.0, place[i, 1], 0.0))[:2]
@@ -304,7 +305,7 @@ def test_leader_starts_in_front_of_robots_that_stand_somewhere():
         ({"poses": np.zeros((2, 2))}, r"poses: got shape \(2, 2\), expected \(2, 3\)"),
         ({"twists": np.zeros(2)}, r"twists: got shape \(2,\), expected \(2, 2\)"),
         ({"points": [np.zeros((3, 2))]}, "points: got 1 entries, expected 2"),
-        ({"points": [np.zeros((3, 3)), None]}, r"points\[0\]: got shape \(3, 3\), expected \(k, 2\)"),
+        ({"points": [np.zeros((3, 3)), None]}, r"points\[0\]: got shape \(3, 3\), expected \(n, 2\)"),
         ({"points": ["x", None]}, r"points\[0\]: got str"),
     ],
 )
@@ -323,6 +324,8 @@ def test_wrong_robots():
     ):
         with pytest.raises(InputError, match=message):
             dance(LISTINGS["listing_7_1"], robots)
+    with pytest.raises(InputError, match=r"here: got \[2\], expected numbers of robots, from 0 to 1"):
+        dance(LISTINGS["listing_7_1"], here=[2])
     with pytest.raises(InputError, match="max_speed: got -1"):
         dance(LISTINGS["listing_7_1"], max_speed=-1)
     with pytest.raises(InputError, match="width: got 0 for robot X, expected a positive number"):

@@ -13,7 +13,6 @@ from shapely import affinity
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography import follower, teammates
 from mp2a.formation.choreography.force_field import avoidance, forces
-from mp2a.formation.choreography.ideal import obey
 from mp2a.formation.choreography.leader import Leaders
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
@@ -30,6 +29,7 @@ from mp2a.formation.constants import (
 from mp2a.formation.robot_models import HUSKY, TRADR
 from mp2a.formation.safety import from_cloud, stop_signals
 from mp2a.formation.sensing import pack
+from mp2a.simulator.ideal import obey
 
 ONE = "robots R1\nrow R1 0 0\nmove 20 0"
 TWO = (Path(__file__).parents[1] / "examples" / "scenarios" / "listing_7_1.txt").read_text()
@@ -106,7 +106,7 @@ def test_only_the_window_counts_and_nothing_that_is_not_finite():
 def test_floor_and_ceiling_of_a_cloud_are_not_in_the_way():
     cloud = [[1, 0, 0.05], [1, 0.1, 0.11], [1, 0.2, 1.49], [1, 0.3, 1.6], [1, 0.4, np.nan]]
     assert from_cloud(cloud).tolist() == [[1, 0.1], [1, 0.2]]
-    with pytest.raises(InputError, match=r"cloud: got shape \(1, 2\), expected \(k, 3\)"):
+    with pytest.raises(InputError, match=r"cloud: got shape \(1, 2\), expected \(n, 3\)"):
         from_cloud([[1, 2]])
 
 
@@ -211,7 +211,7 @@ def test_robots_are_where_they_are_expected(name):
         fine = np.abs(show.state.gap_error) < 0.3
         away = np.hypot(*(show.state.expected[-1] - poses[:, :2]).T)
         off += away[fine].tolist()
-        poses, twists = obey(show.fleet, poses, twists, commands)
+        poses, twists = obey(show.fleet, poses, twists, commands, TICK)
     assert np.quantile(off, 0.95) < TARGET_TOLERANCE
 
 
@@ -221,7 +221,7 @@ def test_robots_are_expected_at_their_distance_and_never_go_back():
     for k in range(101):
         place = np.array([[-2.0 if k < 60 else -3.0 if k < 80 else -0.5, 0.0]])
         told = Leaders(np.array([[k / 10, 0.0, 0.0]]), np.ones((1, 2)), np.zeros(1, dtype=np.intp), place)
-        queues = follower.push(queues, np.array([[k / 10, 0.0]]))
+        queues = follower.enqueue(queues, np.array([[k / 10, 0.0]]))
         queues, there = teammates.expected_places(
             queues._replace(head=np.array([queues.tail])), told
         )  # passed points too
@@ -238,7 +238,7 @@ def test_a_robot_far_behind_is_expected_on_the_way_to_its_lane():
     for tick in range(100):
         commands = show.step(tick * TICK, poses, twists, None)
         assert np.hypot(*(show.state.expected[-1] - poses[:, :2]).T).max() < 0.35
-        poses, twists = obey(show.fleet, poses, twists, commands)
+        poses, twists = obey(show.fleet, poses, twists, commands, TICK)
 
 
 def test_a_fellow_in_its_place_pushes_nobody_and_stops_all():
@@ -285,7 +285,7 @@ def test_a_robot_stops_before_a_wall_and_goes_on_when_it_is_gone():
         # Without a force sideways: a short wall right ahead at x = 3 m that is taken away after 15 s.
         points = wall(3.0 - poses[0, 0], -0.3, 0.3) if tick < 150 else CLEAR
         commands = show.step(tick * 0.1, poses, twists, [points])
-        poses, twists = obey(show.fleet, poses, twists, commands)
+        poses, twists = obey(show.fleet, poses, twists, commands, TICK)
         stood.append(commands[0, 0] == 0)
         assert show.blocked[0] == (stood[-1] and show.state.raw_command[0, 0] > 0)
         assert poses[0, 0] + HUSKY.length / 2 < 3.0 or tick >= 150
@@ -323,6 +323,17 @@ def test_a_robot_that_was_blocked_stays_so_until_new_points_come():
     assert blocked == [True, True, True, False, False]
 
 
+def test_what_brought_a_robot_into_its_error_state_stays_so_whatever_else_fails_later():
+    for first, cause in (("points", "its LIDAR was silent"), ("pose", "its pose was lost")):
+        show = Choreography(parse(ONE), HUSKY)
+        for tick in range(20):
+            fails = ("points", "pose") if tick >= 10 else (first,) if tick >= 3 else ()
+            poses = show.slot_poses() * (np.nan if "pose" in fails else 1.0)
+            show.step(tick * 0.1, poses, np.zeros((1, 2)), [None if "points" in fails else CLEAR])
+            assert show.state.errors.cause(0) in ("", cause)
+        assert show.state.errors.failed[0]
+
+
 def test_a_robot_that_lost_its_pose_for_a_moment_has_its_path_still():
     shows = [Choreography(parse(ONE), HUSKY, poses=[[50.0, 0.0, 0.0]]) for _ in range(2)]
     for tick in range(8):
@@ -339,7 +350,7 @@ def test_a_silent_lidar_is_an_error_for_that_robot_alone_and_for_good():
     for tick in range(60):
         silent = 10 <= tick < 20
         commands = show.step(tick * 0.1, poses, twists, [CLEAR, None if silent else CLEAR])
-        poses, twists = obey(show.fleet, poses, twists, commands)
+        poses, twists = obey(show.fleet, poses, twists, commands, TICK)
         errors.append(show.state.errors.failed.tolist())
         assert not (show.state.errors.failed[1] and commands[1].any())
         assert commands[0].any()

@@ -23,7 +23,7 @@ from mp2a.formation import (
     spline,
     waypoints,
 )
-from mp2a.formation.exchange import scan
+from mp2a.formation.exchange import scan_formation
 from mp2a.formation.springs import energy, joint, none
 from mp2a.methods import METHODS
 from mp2a.se2 import PlanarMotion, wrap
@@ -168,7 +168,7 @@ def test_the_load_of_a_joint_is_the_work_that_its_displacement_makes_the_obstacl
         heading = np.arctan2(pose[0][:, 1, 0], pose[0][:, 0, 0])
         own = forces * np.exp(-1j * heading)
         external = np.stack((own.real, own.imag, np.zeros(6)), axis=-1)
-        return scan(exchange.run, joints, external)
+        return scan_formation(exchange.run, joints, external)
 
     def work(displacement):
         return (np.conj(forces) * places(displaced_scan(displacement).motion.pose)).real.sum()

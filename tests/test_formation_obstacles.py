@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from mp2a import InputError
 from mp2a.formation import Discs, ObstacleLaw, SensedPoints, pack
 from mp2a.formation.obstacles import eq14, push
-from mp2a.formation.sensing import check
+from mp2a.formation.sensing import check_points
 
 LAW = ObstacleLaw()
 angles = st.floats(-np.pi, np.pi)
@@ -95,7 +95,7 @@ def test_points_are_packed_and_checked():
     assert sensed.points.tolist() == [[1, 2], [3, 4], [5, 6]]
     assert sensed.robot.tolist() == [0, 3, 3]
     assert sensed.heard.tolist() == [True, False, True, True]
-    assert check(sensed, 4).robot.tolist() == [0, 3, 3]
+    assert check_points(sensed, 4).robot.tolist() == [0, 3, 3]
 
 
 @pytest.mark.parametrize(
@@ -103,8 +103,8 @@ def test_points_are_packed_and_checked():
     [
         (lambda: pack([[[1, 2, 3]]]), r"points\[0\]: got shape"),
         (lambda: pack([None, [[1, np.inf]]]), r"points\[1\]: got inf"),
-        (lambda: check(pack([[[1, 2]]]), 2), "heard: got shape"),
-        (lambda: check(SensedPoints(np.zeros((1, 2)), np.array([5]), np.ones(2, bool)), 2), "robot: got 5 to 5"),
+        (lambda: check_points(pack([[[1, 2]]]), 2), "heard: got shape"),
+        (lambda: check_points(SensedPoints(np.zeros((1, 2)), np.array([5]), np.ones(2, bool)), 2), "robot: got 5 to 5"),
         (lambda: ObstacleLaw(ahead=0), "ahead: got 0"),
         (lambda: ObstacleLaw(force=-1), "force: got -1"),
         (lambda: ObstacleLaw(attraction=np.nan), "attraction: got nan"),

@@ -10,12 +10,11 @@ from hypothesis import strategies as st
 from mp2a.exceptions import InputError
 from mp2a.formation import Formation, FormationController, Limits, waypoints
 from mp2a.formation.choreography.force_field import avoidance
-from mp2a.formation.choreography.ideal import run as ideal_run
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.pose_history import PoseHistory
 from mp2a.formation.robot_models import HUSKY, TRADR
-from mp2a.formation.tracking import commands
+from mp2a.formation.tracking import track
 from mp2a.plot.speeds import speeds_figure
 from mp2a.se2 import act, act_inverse
 from mp2a.simulator import (
@@ -31,7 +30,8 @@ from mp2a.simulator import (
     parse_world,
     read_world,
 )
-from mp2a.simulator.check import report_simulated
+from mp2a.simulator.check import check
+from mp2a.simulator.scenario_run import run as ideal_run
 from mp2a.simulator.vehicle import drive_arcs
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -77,9 +77,9 @@ def test_what_stands_still_is_put_where_it_is_whatever_the_robot_has_driven(spee
     times = np.arange(0, 1.05, 0.01)
     twist = np.array([[speed, turn]])
     poses = [drive_arcs(np.array([[1.0, 2.0, heading]]), twist, t) for t in times]
-    memory = PoseHistory(1)
+    memory = PoseHistory.empty(1)
     for time, pose in zip(times, poses, strict=True):
-        memory.add(time, pose)
+        memory = memory.add(time, pose)
     then = memory.at(np.array([times[-1] - age]))
     exact = drive_arcs(poses[-1], twist, -age)
     np.testing.assert_allclose(then, exact, atol=2e-4)
@@ -89,9 +89,9 @@ def test_what_stands_still_is_put_where_it_is_whatever_the_robot_has_driven(spee
 
 
 def test_a_heading_that_wraps_is_no_turn_and_what_is_older_than_the_memory_is_its_beginning():
-    memory = PoseHistory(2)
-    memory.add(0.0, np.array([[0, 0, 3.1], [1, 0, 0]]))
-    memory.add(0.1, np.array([[0, 0, -3.1], [2, 0, 0]]))
+    memory = PoseHistory.empty(2)
+    memory = memory.add(0.0, np.array([[0, 0, 3.1], [1, 0, 0]]))
+    memory = memory.add(0.1, np.array([[0, 0, -3.1], [2, 0, 0]]))
     half = memory.at(np.array([0.05, -9.0]))
     assert abs(np.angle(np.exp(1j * (half[0, 2] - np.pi)))) < 1e-9
     assert half[1].tolist() == [1, 0, 0]
@@ -108,7 +108,7 @@ def test_a_robot_comes_to_its_place_and_stays_on_it(ahead, left, heading, turn, 
     place = np.zeros((1, 3))
     pose = np.array([[ahead, left, heading]])
     for _ in range(1500):
-        told = commands(place, velocity, pose)
+        told = track(place, velocity, pose)
         pose = drive_arcs(pose, np.clip(told, [-1.0, -2.0], [1.0, 2.0]), 0.02)
         step = complex(*velocity[0, :2]) * np.exp(1j * place[0, 2])
         place = place + 0.02 * np.array([step.real, step.imag, turn])
@@ -116,7 +116,7 @@ def test_a_robot_comes_to_its_place_and_stays_on_it(ahead, left, heading, turn, 
 
 
 def test_a_robot_whose_place_stands_does_not_turn():
-    told = commands(np.array([[0.2, 0.5, 1.0]]), np.zeros((1, 3)), np.zeros((1, 3)))
+    told = track(np.array([[0.2, 0.5, 1.0]]), np.zeros((1, 3)), np.zeros((1, 3)))
     assert told[0, 1] == 0
     assert told[0, 0] == pytest.approx(1.5 * 0.2)
 
@@ -172,7 +172,7 @@ def test_a_robot_of_its_own_does_what_it_does_among_all(name, model, which, tick
     text = LISTINGS[name]
     whole, alone = (
         ChoreographySimulationDriver(Choreography(parse(text), model)),
-        ChoreographySimulationDriver(Choreography(parse(text), model), [which]),
+        ChoreographySimulationDriver(Choreography(parse(text), model, here=[which])),
     )
     simulation = Simulation(World(), model, whole.choreography.slot_poses())
     for _ in range(ticks):
@@ -306,14 +306,14 @@ def test_two_robots_in_one_place_are_refused():
 
 def test_check_finds_what_a_simulation_shows():
     wall = parse_world("[[box]]\ncentre = [2.0, 0.6]\nsize = [0.2, 0.2]\n[[wall]]\npoints = [[0, -1.0], [6, -1.0]]")
-    found = report_simulated("robots R1 R2\nrow R1,R2 0 1.2\nmove 4 0", HUSKY, wall)
+    found = check("robots R1 R2\nrow R1,R2 0 1.2\nmove 4 0", HUSKY, wall)
     said = [(finding.kind, finding.robots, finding.serious) for finding in found.findings]
     assert ("stop", ("R1",), False) in said
     close = next(finding for finding in found.findings if "within" in finding.message)
     assert close.robots == ("R2",)
     assert close.serious
     assert close.place is not None and close.time is not None
-    nothing = report_simulated("robots R1 R2\nrow R1,R2 0 1.2\nmove 4 0", HUSKY, World())
+    nothing = check("robots R1 R2\nrow R1,R2 0 1.2\nmove 4 0", HUSKY, World())
     assert nothing.findings == []
     assert nothing.run.done
 
@@ -321,7 +321,7 @@ def test_check_finds_what_a_simulation_shows():
 def test_check_finds_who_drives_into_whom():
     text = "robots R1 R2\ngroups\na R1\nb R2\nstart\nrow R1,R2 0 1.2\nmove 1 0\nrow R1 0 0\nrow R2 0 0\nnewVL\n"
     text += "move 3 -80 a\nmove 3 80 b"
-    found = report_simulated(text, HUSKY, World())
+    found = check(text, HUSKY, World())
     met = [finding for finding in found.findings if "drives into" in finding.message]
     ideal = [finding for finding in found.findings if "come closer" in finding.message]
     assert met or ideal
@@ -329,11 +329,11 @@ def test_check_finds_who_drives_into_whom():
 
 
 def test_check_of_a_wrong_text_simulates_nothing():
-    found = report_simulated("robots R1\nrow R1 0 0\nmove 1", HUSKY, World())
+    found = check("robots R1\nrow R1 0 0\nmove 1", HUSKY, World())
     assert found.run is None
     assert found.findings
-    with pytest.raises(InputError, match="world: got NoneType, expected a World"):
-        report_simulated("robots R1\nrow R1 0 0\nmove 1 0", HUSKY, None)
+    with pytest.raises(InputError, match="world: got str, expected a World"):
+        check("robots R1\nrow R1 0 0\nmove 1 0", HUSKY, "hall")
 
 
 # ---- any files -------------------------------------------------------------------------------------------------

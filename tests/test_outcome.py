@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from mp2a.cli.outcome import show
-from mp2a.formation.outcome import ARRIVAL_TOLERANCE, FAILED, outcome, status
+from mp2a.cli.outcome import show_outcomes
+from mp2a.formation.outcome import ARRIVAL_TOLERANCE, FAILED, exit_status, outcome
 
 
 @pytest.mark.parametrize(
@@ -35,13 +35,13 @@ def test_what_is_said(given, text):
     found = outcome("R1", **given)
     assert str(found) == text
     assert found.arrived == ("not arrive" not in text)
-    assert status([found]) == (0 if found.arrived and not found.touched else FAILED)
+    assert exit_status([found]) == (0 if found.arrived and not found.touched else FAILED)
 
 
 def test_one_robot_that_fails_is_enough():
     good = outcome("R1", ARRIVAL_TOLERANCE, over=True)
-    assert status([]) == status([good, good]) == 0
-    assert status([good, outcome("R2", ARRIVAL_TOLERANCE + 1e-9, over=True)]) == FAILED
+    assert exit_status([]) == exit_status([good, good]) == 0
+    assert exit_status([good, outcome("R2", ARRIVAL_TOLERANCE + 1e-9, over=True)]) == FAILED
 
 
 def test_the_table_fits_a_terminal_and_says_what_failed(capsys):
@@ -49,7 +49,7 @@ def test_the_table_fits_a_terminal_and_says_what_failed(capsys):
         outcome("R1", 0.1, over=True),
         outcome("R2", 3.2, over=True, blocked="a wall or an obstacle", touched=["R1", "a wall or an obstacle"]),
     ]
-    show(outcomes, "2 robots, 8.0 s", {"way, m": [7.62, 4.1], "fastest, m/s": [1.0, 0.9]})
+    show_outcomes(outcomes, "2 robots, 8.0 s", {"way, m": [7.62, 4.1], "fastest, m/s": [1.0, 0.9]})
     printed = capsys.readouterr().out
     assert "\x1b" not in printed
     lines = printed.splitlines()

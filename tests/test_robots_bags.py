@@ -200,7 +200,7 @@ def test_files_that_are_no_bags_are_named(tmp_path):
         ("text.txt", "Unrecognized"),
         (foxglove.name, "Profile is not ros2"),
     ):  # fmt: skip
-        with pytest.raises(InputError, match=rf"{name} cannot be read as a bag of ROS 1 or ROS 2 \(.*{why}"):
+        with pytest.raises(InputError, match=rf"{name} cannot be read as a bag of ROS 1 or ROS 2: it is .*\(.*{why}"):
             robot(tmp_path / name)
     with pytest.raises(InputError, match=r"folder with R2\.bag in it, expected one of R1, R1\.bag, R1\.mcap, R1\.db3"):
         robot(tmp_path / "folder")

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mp2a.dependencies import parse_toml
 from mp2a.exceptions import InputError
 from mp2a.formation.robot_models import HUSKY, ROBOTS
 from mp2a.robots import limits, robots_file, slip, sound
@@ -278,7 +279,7 @@ odometry_topic = "/imu_odom"
 
 
 def test_a_robots_file_overrides_the_table():
-    found = robots_file.parse_robots(FILE, ("R1", "R2"))
+    found = robots_file.robots_of(parse_toml(FILE, "robots"), ("R1", "R2"))
     assert (found.adapter, found.origin, str(found.world)) == ("ros1", "fixed-frame", "hall.toml")
     first, second = found.configs["R1"], found.configs["R2"]
     assert first == dataclasses.replace(
@@ -324,7 +325,7 @@ def test_a_robots_file_overrides_the_table():
 def test_mistakes_in_a_robots_file_are_named(old, new, message):
     assert old in FILE
     with pytest.raises(InputError, match=message):
-        robots_file.parse_robots(FILE.replace(old, new, 1), ("R1", "R2"))
+        robots_file.robots_of(parse_toml(FILE.replace(old, new, 1), "robots"), ("R1", "R2"))
 
 
 def test_a_file_that_is_not_there(tmp_path):

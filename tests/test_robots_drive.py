@@ -9,29 +9,31 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from file_publisher import FILE_PUBLISHER
 from hypothesis import given
 from hypothesis import strategies as st
+from ideal_robot import IdealRobot
 
 from mp2a import launch
 from mp2a.cli import main
 from mp2a.exceptions import InputError
-from mp2a.formation.choreography.ideal import run as ideal_run
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
-from mp2a.formation.outcome import status
+from mp2a.formation.outcome import exit_status
 from mp2a.formation.robot_models import HUSKY
-from mp2a.robots import drive_setup, dry, robots_file, sound
+from mp2a.robots import drive_setup, robots_file, sound
+from mp2a.robots import simulated as simulated_module
 from mp2a.robots.adapters import AdapterResult
 from mp2a.robots.clock import VirtualClock
 from mp2a.robots.driver import Driver, run_drivers
-from mp2a.robots.dry import DryRobot
 from mp2a.robots.interface import NO_POSE, Sensed
 from mp2a.robots.planner import ChoreographyPlanner, origin_of
 from mp2a.robots.robot_config import ROBOT_CONFIGS
 from mp2a.robots.sender import Sender
-from mp2a.robots.simulated import SimulationClock
+from mp2a.robots.simulated import SimulatedRobot, SimulationClock
 from mp2a.se2 import compose
 from mp2a.simulator import NO_SLIP, PHYSICS_ENGINE_SLIP, Simulation, World
+from mp2a.simulator.scenario_run import run as ideal_run
 
 SCENARIOS = Path(__file__).parents[1] / "examples" / "scenarios"
 TWO = parse((SCENARIOS / "listing_7_1.txt").read_text())
@@ -46,8 +48,8 @@ def simulated(scenario, world=None, slip=NO_SLIP):
     simulation = Simulation(World() if world is None else world, HUSKY, places, slip=slip)
     clock = SimulationClock(simulation, 0.05, range(len(places)))
     drivers = [
-        Driver(role, robot, config, ChoreographyPlanner(Choreography(scenario, HUSKY), role, True), False)
-        for role, robot, config in zip(scenario.robots, clock.robots, configs, strict=True)
+        Driver(role, robot, config, ChoreographyPlanner(Choreography(scenario, HUSKY, here=[i]), True), False)
+        for i, (role, robot, config) in enumerate(zip(scenario.robots, clock.robots, configs, strict=True))
     ]
     return drivers, clock
 
@@ -58,12 +60,12 @@ def steps_of(drivers, clock, longest=100):
     run_drivers(drivers, clock, longest, lambda driver, step: steps[driver.role].append(step))
     last = [driven.pop() for driven in steps.values()]
     assert all(step.stands and not step.command.any() for step in last)
-    return not status(driver.outcome() for driver in drivers), steps
+    return not exit_status(driver.outcome() for driver in drivers), steps
 
 
 def test_each_robot_alone_does_what_all_together_do():
     """Nobody needs to know the others: ideal robots drive as in one choreography that knows all."""
-    found = robots_file.parse_robots('[robots.R1]\nmodel="husky"\n[robots.R2]\nmodel="husky"', TWO.robots)
+    found = robots_file.robots_of({"robots": {"R1": {"model": "husky"}, "R2": {"model": "husky"}}}, TWO.robots)
     setup = drive_setup.set_up_drive(TWO, found, TWO.robots, None)
     good, steps = steps_of(setup.drivers, setup.clock)
     assert good
@@ -106,15 +108,14 @@ def test_learning_slip_brings_slipping_robots_closer_to_their_path(monkeypatch):
     assert learning < error()[1]
 
 
-class Failing(DryRobot):
+class Failing(IdealRobot):
     """An ideal robot whose sensors fail from a time on."""
 
     def __init__(self, pose, what, lidar):
         super().__init__(HUSKY, pose)
-        self.what, self.has_lidar, self.ticks, self.sent, self.warnings = what, lidar, 0, [], []
+        self.what, self.has_lidar = what, lidar
 
     def sense(self):
-        self.ticks += 1
         sensed = super().sense()
         failed = self.what(self.ticks)
         pose = NO_POSE if failed == "pose" else sensed.pose
@@ -122,17 +123,10 @@ class Failing(DryRobot):
         points = None if failed == "points" or not self.has_lidar else np.array(seen)
         return Sensed(pose, sensed.twist, points)
 
-    def send(self, command):
-        super().send(command)
-        self.sent.append(tuple(command))
-
-    def warn(self, text):
-        self.warnings.append((self.ticks, text))
-
 
 def fail(what, lidar=True):
     robot = Failing([-0.5, 0, 0], what, lidar)
-    planner = ChoreographyPlanner(Choreography(AHEAD, HUSKY), "R1", lidar)
+    planner = ChoreographyPlanner(Choreography(AHEAD, HUSKY), lidar)
     driver = Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, False)
     good, steps = steps_of([driver], VirtualClock(0.05, [robot]), 30)
     return good, robot, steps["R1"]
@@ -167,7 +161,7 @@ def test_two_lost_poses_in_a_row_are_not():
 def test_a_pose_that_is_lost_at_the_start_does_not_lose_the_place():
     """The frames are tied at the first pose that is known, wherever the robot's own frame lies."""
     robot = Failing([3.0, -2.0, 1.0], lambda tick: "pose" if tick < 3 else None, False)
-    planner = ChoreographyPlanner(Choreography(AHEAD, HUSKY), "R1", False)
+    planner = ChoreographyPlanner(Choreography(AHEAD, HUSKY), False)
     good, steps = steps_of(
         [Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, True)], VirtualClock(0.05, [robot]), 30
     )
@@ -192,7 +186,7 @@ def test_lidar_that_is_silent_for_a_little_less_is_not():
 
 
 def test_a_robot_is_closed_whatever_happens():
-    class Broken(DryRobot):
+    class Broken(IdealRobot):
         closed = False
 
         def sense(self):
@@ -202,7 +196,7 @@ def test_a_robot_is_closed_whatever_happens():
             self.closed = True
 
     robot = Broken(HUSKY, np.zeros(3))
-    planner = ChoreographyPlanner(Choreography(AHEAD, HUSKY), "R1", False)
+    planner = ChoreographyPlanner(Choreography(AHEAD, HUSKY), False)
     with pytest.raises(RuntimeError, match="no"):
         run_drivers([Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, False)], VirtualClock(0.05, [robot]), 30)
     assert robot.closed
@@ -220,9 +214,9 @@ def test_where_the_fixed_frame_lies_does_not_matter(frame):
 
     def commands(origin):
         start = compose(origin, [-0.5, 0.0, 0.0])
-        robot = DryRobot(HUSKY, start)
+        robot = IdealRobot(HUSKY, start)
         scenario = parse("robots R1\nrow R1 0 0\nmove 1 40")
-        planner = ChoreographyPlanner(Choreography(scenario, HUSKY), "R1", False)
+        planner = ChoreographyPlanner(Choreography(scenario, HUSKY), False)
         driver = Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, True)
         _, steps = steps_of([driver], VirtualClock(0.05, [robot]), 2)
         return np.array([step.command for step in steps["R1"]])
@@ -325,24 +319,25 @@ def test_a_drive_that_takes_too_long_or_loses_its_pose_says_so(monkeypatch, caps
     path = str(SCENARIOS / "listing_7_1.txt")
     assert main(["drive", path, "--longest", "3", "--quiet"]) == 3
     assert "m from its place: time was up" in capsys.readouterr().out
-    monkeypatch.setattr(DryRobot, "sense", lambda self: Sensed(NO_POSE, np.zeros(2), None))
+    monkeypatch.setattr(SimulatedRobot, "sense", lambda self: Sensed(NO_POSE, np.zeros(2), None))
     assert main(["drive", path, "--quiet"]) == 3
     assert "R1 did not arrive: in its error state, its pose was lost" in capsys.readouterr().out
 
 
 def test_a_planner_that_stalls_is_told_in_a_line(tmp_path, monkeypatch, capsys):
     """The watchdog has stopped the robot; the command says so, how far the robot came, and ends with 2."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     interface = ROBOT_CONFIGS["husky"]
 
-    class Watched(DryRobot):
+    class Watched(IdealRobot):
         def __init__(self, pose):
             super().__init__(HUSKY, pose)
-            self.sender = Sender(interface, "file", file=str(tmp_path / "sent"))
+            self.sender = Sender(interface, "ros1", FILE_PUBLISHER, file=str(tmp_path / "sent"))
 
         def send(self, command):
             super().send(command)
             self.sender.send(*command)
-            if self._time > 1:
+            if self.simulated.now() > 1:
                 time.sleep(3 * interface.patience)
 
         def close(self):
@@ -352,7 +347,7 @@ def test_a_planner_that_stalls_is_told_in_a_line(tmp_path, monkeypatch, capsys):
         robots = [Watched(config.places[0])]
         return AdapterResult(robots, VirtualClock(config.period, robots))
 
-    monkeypatch.setattr(dry, "make", make)
+    monkeypatch.setattr(simulated_module, "make", make)
     scenario = tmp_path / "ahead.txt"
     scenario.write_text("robots R1\nrow R1 0 0\nmove 6 0")
     assert main(["drive", str(scenario), "--quiet"]) == 2
@@ -368,11 +363,13 @@ def test_a_planner_that_stalls_is_told_in_a_line(tmp_path, monkeypatch, capsys):
 
 def test_a_scenario_that_is_not_there(capsys):
     assert main(["drive", "nowhere.txt"]) == 2
-    assert "SCENARIO: nowhere.txt cannot be read" in capsys.readouterr().err
+    assert "nowhere.txt: cannot be read as a scenario: it is not there" in capsys.readouterr().err
 
 
 def test_unequal_rates_need_real_time():
-    found = robots_file.parse_robots('[robots.R1]\nmodel="husky"\nrate=25\n[robots.R2]\nmodel="husky"', TWO.robots)
+    found = robots_file.robots_of(
+        {"robots": {"R1": {"model": "husky", "rate": 25}, "R2": {"model": "husky"}}}, TWO.robots
+    )
     with pytest.raises(InputError, match="rate: got 20, 25 Hz, expected one for all"):
         drive_setup.set_up_drive(TWO, found, TWO.robots, None)
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from ideal_robot import IdealRobot
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -17,7 +18,6 @@ from mp2a.formation.robot_models import HUSKY
 from mp2a.robots.adapters import EPOCH
 from mp2a.robots.clock import VirtualClock
 from mp2a.robots.driver import Driver, run_drivers
-from mp2a.robots.dry import DryRobot
 from mp2a.robots.interface import NO_POSE
 from mp2a.robots.planner import ChoreographyPlanner
 from mp2a.robots.records.bag_writer import BagWriter, bag_path
@@ -41,10 +41,10 @@ def drive(scenario, robots, clock, in_place, interface=ROBOT_CONFIGS["husky"], *
             role,
             robot,
             interface,
-            ChoreographyPlanner(Choreography(scenario, HUSKY, **options), role, robot.has_lidar),
+            ChoreographyPlanner(Choreography(scenario, HUSKY, here=[i], **options), robot.has_lidar),
             in_place,
         )
-        for role, robot in zip(scenario.robots, robots, strict=True)
+        for i, (role, robot) in enumerate(zip(scenario.robots, robots, strict=True))
     ]
     steps = {role: [] for role in scenario.robots}
     run_drivers(drivers, clock, 60, lambda driver, step: steps[driver.role].append(step))
@@ -140,7 +140,7 @@ def test_ticks_that_were_late_are_met_again(tmp_path_factory, delays, pose, fram
     folder = tmp_path_factory.mktemp("late")
     scenario = parse("robots R1\nrow R1 0 0\nmove 2 150")
     interface = dataclasses.replace(within(ROBOT_CONFIGS["husky"], "R1"), pose=pose)
-    robot = DryRobot(HUSKY, np.array(frame))
+    robot = IdealRobot(HUSKY, np.array(frame))
     steps = drive(scenario, [robot], Late([robot], delays), True, interface)
     write(folder, "mcap", steps, interface)
     again, robots = replay(scenario, folder, interface)
@@ -149,12 +149,10 @@ def test_ticks_that_were_late_are_met_again(tmp_path_factory, delays, pose, fram
 
 
 def test_lost_poses_and_a_human_are_met_again(tmp_path):
-    class Disturbed(DryRobot):
-        ticks = 0
-
+    class Disturbed(IdealRobot):
         def sense(self):
-            self.ticks += 1
-            sensed = super().sense()._replace(human=20 <= self.ticks < 40)
+            sensed = super().sense()
+            sensed = sensed._replace(human=20 <= self.ticks < 40)
             return sensed._replace(pose=NO_POSE) if self.ticks in (50, 51, 80, 81, 82) else sensed
 
     scenario = parse("robots R1\nrow R1 0 0\nmove 6 0")

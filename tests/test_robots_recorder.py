@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ideal_robot import IdealRobot
 from rosbags.highlevel import AnyReader
 
 from mp2a import launch
@@ -20,7 +21,6 @@ from mp2a.cli import drive, main
 from mp2a.exceptions import DependencyError, InputError, OutputError
 from mp2a.robots import drive_setup
 from mp2a.robots.adapters import ADAPTERS, REAL, Adapter, AdapterResult
-from mp2a.robots.dry import DryRobot
 from mp2a.robots.interface import Sensed
 from mp2a.robots.records.bag_writer import BAGS
 from mp2a.robots.records.recorder import NO_BAG, DriveRecorder, RecordConfig
@@ -189,8 +189,8 @@ def test_links_are_not_written_through_nor_replaced(tmp_path):
     assert not (tmp_path / "elsewhere").exists()
 
 
-@pytest.mark.parametrize("what", ["/dev/null", "run.npz"])
-def test_what_is_no_folder_is_named_and_stays(what, tmp_path, capsys):
+@pytest.mark.parametrize(("what", "kind"), [("/dev/null", "empty"), ("run.npz", "a zip archive, as numpy's .npz are")])
+def test_what_is_no_folder_is_named_and_stays(what, kind, tmp_path, capsys):
     path = tmp_path / what  # the device itself, if it is one
     if not path.exists():
         np.savez(path, a=1)
@@ -199,7 +199,7 @@ def test_what_is_no_folder_is_named_and_stays(what, tmp_path, capsys):
     assert f"--record: {path} cannot be made a folder (File exists)" in capsys.readouterr().err
     assert path.stat() == before
     assert main(["drive", SCENARIO, "--quiet", "--recording", str(path)]) == 2
-    assert f"recording: {path} cannot be read as a bag of ROS 1 or ROS 2 (" in capsys.readouterr().err
+    assert f"recording: {path} cannot be read as a bag of ROS 1 or ROS 2: it is {kind} (" in capsys.readouterr().err
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):
@@ -218,7 +218,7 @@ def test_without_rosbags_the_error_says_how_to_get_it(tmp_path, monkeypatch):
     assert DriveRecorder(orders(tmp_path / "out", "none"), wait=True).close() == ""
 
 
-class InRealTime(DryRobot):
+class InRealTime(IdealRobot):
     """An ideal robot that drives by the clock."""
 
     first = None
@@ -280,7 +280,7 @@ def test_a_planner_loads_its_adapter_alone():
     assert not loaded_by("import mp2a.robots.drive_setup, mp2a.robots.records.recorder") & everything
     assert loaded_by("import mp2a.robots.simulated") & everything == {"mp2a.simulator.simulation"}
     assert loaded_by("import mp2a.robots.records.recorded") & everything == {recorded}
-    assert not loaded_by("import mp2a.robots.dry, mp2a.robots.ros_robot") & everything
+    assert not loaded_by("import mp2a.robots.ros_robot") & everything
 
 
 def test_the_table_of_adapters_names_modules_that_are_there():

@@ -7,7 +7,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from ideal_robot import IdealRobot
 
+from mp2a.dependencies import parse_toml
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY
@@ -15,8 +17,7 @@ from mp2a.robots import robots_file, sound
 from mp2a.robots.clock import VirtualClock
 from mp2a.robots.cloud import cloud_fields, read_cloud
 from mp2a.robots.driver import Driver, run_drivers
-from mp2a.robots.dry import DryRobot
-from mp2a.robots.planner import PATIENCE, ChoreographyPlanner
+from mp2a.robots.planner import HELD_PATIENCE, ChoreographyPlanner
 from mp2a.robots.robot_config import ROBOT_CONFIGS
 from mp2a.robots.ros_backend import TopicWriter
 from mp2a.robots.ros_robot import RosRobot
@@ -95,7 +96,7 @@ def test_stop_signals_are_taken_back_at_the_end():
 
 
 def names(more=""):
-    found = robots_file.parse_robots(f'[robots.R1]\nmodel="husky"\n{more}', ["R1"]).configs["R1"]
+    found = robots_file.robots_of(parse_toml(f'[robots.R1]\nmodel="husky"\n{more}', "robots"), ["R1"]).configs["R1"]
     _, heard = told(found)
     return set(heard)
 
@@ -108,29 +109,21 @@ def test_names_of_topics():
     assert names('stop_front_topic=""\nstop_rear_topic=""\nobstacles_topic=""\nsound_topic=""') == set()
 
 
-class Told(DryRobot):
+class Told(IdealRobot):
     """An ideal robot that other programs forbid to drive forward or backward."""
 
     def __init__(self, front, rear):
         super().__init__(HUSKY, np.array([-0.5, 0.0, 0.0]))
-        self.ticks, self.sent, self.warnings = 0, [], []
         self.front, self.rear = front, rear
 
     def sense(self):
-        self.ticks += 1
-        return super().sense()._replace(stop_front=self.front(self.ticks), stop_rear=self.rear(self.ticks))
-
-    def send(self, command):
-        super().send(command)
-        self.sent.append(tuple(command))
-
-    def warn(self, text):
-        self.warnings.append((self.ticks, text))
+        sensed = super().sense()
+        return sensed._replace(stop_front=self.front(self.ticks), stop_rear=self.rear(self.ticks))
 
 
 def drive(front=lambda _: False, rear=lambda _: False, scenario=AHEAD):
     robot = Told(front, rear)
-    planner = ChoreographyPlanner(Choreography(scenario, HUSKY), "R1", False)
+    planner = ChoreographyPlanner(Choreography(scenario, HUSKY), False)
     driver = Driver("R1", robot, ROBOT_CONFIGS["husky"], planner, False)
     steps = []
     run_drivers([driver], VirtualClock(0.05, [robot]), 60, lambda _, step: steps.append(step))
@@ -163,7 +156,7 @@ def test_a_robot_that_is_held_at_its_end_waits_before_it_gives_up():
     assert outcome.reason == "blocked by another program's stop signal"
     assert steps[-2].done
     over = next(step.time for step in steps if step.time > 1 and (step.leader == steps[-1].leader).all())
-    assert steps[-1].time - over < PATIENCE + 2
+    assert steps[-1].time - over < HELD_PATIENCE + 2
     assert max(speed for speed, _ in robot.sent[60:]) <= 0
 
 

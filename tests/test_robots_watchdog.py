@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from file_publisher import FILE_PUBLISHER
 
 from mp2a import launch
 from mp2a.exceptions import DependencyError
@@ -25,6 +26,7 @@ LONG = 20.0
 PLANNER = """
 import os, sys, time
 import signal
+from file_publisher import FILE_PUBLISHER
 from mp2a.robots.sender import Sender
 from mp2a.robots.robot_config import ROBOT_CONFIGS
 
@@ -33,7 +35,7 @@ if what.startswith("mpi"):
     from mpi4py import MPI
     file += str(MPI.COMM_WORLD.rank)
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs come with it ignored
-sender = Sender(ROBOT_CONFIGS["husky"], "file", file=file)
+sender = Sender(ROBOT_CONFIGS["husky"], "ros1", FILE_PUBLISHER, file=file)
 print(os.getpid(), sender.pid, flush=True)
 begin = time.monotonic()
 while time.monotonic() < begin + 0.5:
@@ -55,6 +57,11 @@ if what == "stall":
 if what == "raise":
     raise RuntimeError("a bug")
 """
+
+
+@pytest.fixture(autouse=True)
+def its_publisher_is_found(monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
 
 
 def commands(path):
@@ -251,7 +258,7 @@ def children(pid):
 
 
 def test_commands_are_repeated_at_the_rate_cut_to_the_limits_and_end_with_zeros(tmp_path):
-    sender = Sender(HUSKY, "file", file=str(tmp_path / "sent"))
+    sender = Sender(HUSKY, "ros1", FILE_PUBLISHER, file=str(tmp_path / "sent"))
     for speed in (0.3, 5.0):
         for _ in range(8):
             sender.send(speed, -9.0)
@@ -269,7 +276,7 @@ def test_commands_are_repeated_at_the_rate_cut_to_the_limits_and_end_with_zeros(
 
 
 def test_nothing_is_sent_before_the_first_command(tmp_path):
-    sender = Sender(HUSKY, "file", file=str(tmp_path / "sent"))
+    sender = Sender(HUSKY, "ros1", FILE_PUBLISHER, file=str(tmp_path / "sent"))
     time.sleep(HUSKY.patience + 0.2)
     assert commands(tmp_path / "sent") == []
     sender.send(0.2, 0.0)
@@ -279,7 +286,7 @@ def test_nothing_is_sent_before_the_first_command(tmp_path):
 
 def test_while_a_human_drives_nothing_is_sent(tmp_path):
     file = tmp_path / "sent"
-    sender = Sender(HUSKY, "file", file=str(file))
+    sender = Sender(HUSKY, "ros1", FILE_PUBLISHER, file=str(file))
 
     def drive(seconds):
         for _ in range(round(seconds / 0.05)):

@@ -6,6 +6,7 @@ from typing import Any
 
 from mp2a import files
 from mp2a.exceptions import InputError, OutputError
+from mp2a.file_kinds import kind_of_file
 
 FORMAT = 2
 
@@ -73,7 +74,8 @@ def read_json(path: str | Path, what: str, key: str) -> dict[str, Any]:
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise InputError(f"{what}: {path} cannot be read ({error})") from error
+        found = kind_of_file(path)
+        raise InputError(f"{what}: {path} cannot be read as JSON: it is {found} ({error})") from error
     if not isinstance(content, dict) or not isinstance(content.get(key), list):
         raise InputError(f"{what}: {path} is no file of {what}")
     if content.get("format") != FORMAT:

@@ -4,11 +4,13 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mp2a.cli.options import WIDTH, bounded, command, progress, read_scenario, robot_models, speed
+from mp2a import tables
+from mp2a.cli.options import bounded, command, robot_models, speed
 from mp2a.exceptions import InputError
+from mp2a.file_kinds import read_text
 
 if TYPE_CHECKING:
-    from mp2a.formation.choreography.check import CheckReport
+    from mp2a.simulator.check import CheckReport
 
 
 def add(commands: Any) -> None:
@@ -37,66 +39,54 @@ def add(commands: Any) -> None:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from mp2a.formation.choreography import check
+    from mp2a.simulator import check, read_world
 
     if options.demo:
         print(check.demo(), end="")
         return 0
     if options.file is None:
         raise InputError("FILE: got none, expected a scenario, or --demo")
-    text, models = read_scenario(options.file), robot_models(options.robots)
+    text, models = read_text(options.file, "a scenario", "text"), robot_models(options.robots)
     margin = check.MARGIN if options.margin is None else options.margin
-    with progress(options.quiet) as say:
-        common: dict[str, Any] = {
-            "max_speed": options.max_speed, "margin": margin, "tell": lambda time: say(f"running, {time:.0f} s")
-        }  # fmt: skip
-        if options.world is None:
-            result = check.check(text, models, **common)
-        else:
-            from mp2a.simulator import read_world
-            from mp2a.simulator.check import report_simulated
-
-            result = report_simulated(text, models, read_world(options.world), **common)
+    world = None if options.world is None else read_world(options.world)
+    result = check.check(text, models, world, max_speed=options.max_speed, margin=margin, quiet=options.quiet)
     return _print(result, options.file, "ideal" if options.world is None else "simulated")
 
 
 def _print(result: "CheckReport", path: Path, kind: str) -> int:
-    from rich.console import Console
-
     serious = [finding for finding in result.findings if finding.serious]
-    console = Console(width=WIDTH, highlight=False)
     if result.run is not None:
-        console.print(_timeline(result))
+        tables.show([_timeline(result)])
     for finding in result.findings:
-        console.print(f"{'mistake' if finding.serious else 'note   '}  {finding}", markup=False, soft_wrap=True)
+        print(f"{'mistake' if finding.serious else 'note   '}  {finding}")
     ran = "not run" if result.run is None else f"runs {result.run.time[-1]:.1f} s with {kind} robots"
     notes = len(result.findings) - len(serious)
     counts = f"{len(serious)} mistake{'s' * (len(serious) != 1)}, {notes} note{'s' * (notes != 1)}"
-    console.print(f"{path}: {ran}; {counts}", markup=False, soft_wrap=True)
+    print(f"{path}: {ran}; {counts}")
     return 1 if serious else 0
 
 
-def _timeline(result: "CheckReport") -> Any:
-    """Build the table of when each instruction began and ended, robots with the same times together."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
+def _timeline(result: "CheckReport") -> tables.Table:
+    """Return the table of when each instruction began and ended, robots with the same times together."""
+    from mp2a.formation.choreography.scenario import instruction_text
 
-    from mp2a.formation.choreography.scenario import as_text
-
-    table = Table(box=box.SIMPLE)
-    for heading in ("line", "instruction", "robots", "began, s", "ended, s"):
-        table.add_column(heading, justify="right" if heading[-1] == "s" and "," in heading else "left")
     spans: dict[tuple[int, str], list[float]] = {}
-    said = {}
+    instructions = {}
     for event in result.events:
         spans.setdefault((event.number, event.robot), []).append(event.time)
-        said[event.number] = event.instruction
+        instructions[event.number] = event.instruction
     rows: dict[tuple[int, tuple[float, ...]], list[str]] = {}
     for (index, robot), times in spans.items():
         rows.setdefault((index, tuple(times)), []).append(robot)
+    columns = (
+        tables.Column("line"),
+        tables.Column("began, s", "{:.1f}".format),
+        tables.Column("ended, s", "{:.1f}".format),
+        tables.Column("instruction", left=True),
+        tables.Column("robots", left=True),
+    )
+    table = []
     for (index, span), who in sorted(rows.items()):
-        ended = f"{span[1]:.1f}" if len(span) > 1 else "-"
-        line = said[index].line
-        table.add_row(str(line), Text(as_text(said[index])), Text(" ".join(who)), f"{span[0]:.1f}", ended)
-    return table
+        began, ended = (*span, None)[:2]
+        table.append((instructions[index].line, began, ended, instruction_text(instructions[index]), " ".join(who)))
+    return tables.Table("instructions", columns, table)

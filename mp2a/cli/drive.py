@@ -1,13 +1,13 @@
 """``mp2a drive``: robots drive a scenario."""
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mp2a.cli.options import command, positive_number
+from mp2a.cli.options import by_role, command, positive_number
 from mp2a.exceptions import DependencyError, InputError, OutputError
+from mp2a.file_kinds import read_text
 from mp2a.mpi_environment import under_mpi
 from mp2a.robots.adapters import ADAPTERS, REAL
 
@@ -91,18 +91,14 @@ def _drive(options: argparse.Namespace) -> int:
 
 
 def _drive_as(options: argparse.Namespace, comm: "MPI.Comm | None") -> int:
-    from mp2a.cli.outcome import show
+    from mp2a.cli.outcome import show_outcomes
     from mp2a.formation.choreography.reading import parse
-    from mp2a.formation.outcome import status
+    from mp2a.formation.outcome import exit_status
     from mp2a.robots.drive_setup import roles_of_this_process, set_up_drive
     from mp2a.robots.driver import run_drivers
     from mp2a.robots.sender import WatchdogGoneError
 
-    try:
-        text = options.scenario.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"SCENARIO: {options.scenario} cannot be read as text ({error})") from error
-    scenario = parse(text)
+    scenario = parse(read_text(options.scenario, "a scenario", "text"))
     robots = _robots(options, scenario.robots)
     roles = roles_of_this_process(scenario, robots.adapter, options.role, comm)
     if options.armed and robots.adapter not in REAL:
@@ -118,22 +114,22 @@ def _drive_as(options: argparse.Namespace, comm: "MPI.Comm | None") -> int:
                 recorder.add(driver.role, setup.epochs[driver.role] + round(1e9 * tick.time), tick)
 
         def outcomes(error: str = "") -> Any:
-            touched = setup.touched()
+            touched = setup.adapter.touched()
             return [driver.outcome(touched.get(driver.role, ()), error) for driver in setup.drivers]
 
         try:
             run_drivers(setup.drivers, setup.clock, options.longest, tell)
         except WatchdogGoneError as error:
-            show(outcomes(f"{error}"), printer.title(len(roles)))
+            show_outcomes(outcomes(f"{error}"), printer.title(len(roles)))
             raise
     finally:
         if recorder is not None:
             lost = recorder.close()
     everyone = outcomes() if comm is None else _gather(comm, outcomes())
-    failed = status(everyone)
+    failed = exit_status(everyone)
     if comm is None or comm.rank == 0:
-        show(everyone, printer.title(len(everyone)))
-    for line in setup.report(not failed):
+        show_outcomes(everyone, printer.title(len(everyone)))
+    for line in setup.adapter.report(not failed):
         print(line, flush=True)
     if lost:  # no exception: under mpirun it would end robots that still drive
         print(f"mp2a: --record: {lost}", file=sys.stderr, flush=True)
@@ -165,17 +161,13 @@ def _recorder(options: argparse.Namespace, robots: Any, roles: Any) -> Any:
 
 
 def _robots(options: argparse.Namespace, roles: Any) -> Any:
-    from mp2a.robots.robots_file import parse_robots, read_robots
+    from mp2a.robots.robots_file import read_robots, robots_of
 
     if options.robots.endswith(".toml"):
         robots = read_robots(options.robots, roles)
     else:
-        models = dict.fromkeys(roles, options.robots)
-        if "=" in options.robots:
-            models = {role: model for role, _, model in (part.partition("=") for part in options.robots.split(","))}
-        # A text of JSON is one of TOML.
-        tables = [f"[robots.{json.dumps(role)}]\nmodel = {json.dumps(model)}\n" for role, model in models.items()]
-        robots = parse_robots("".join(tables), roles, "--robots")
+        models = by_role(options.robots) if "=" in options.robots else dict.fromkeys(roles, options.robots)
+        robots = robots_of({"robots": {role: {"model": model} for role, model in models.items()}}, roles, "--robots")
     adapter = options.adapter or robots.adapter
     if options.recording is not None:
         if options.adapter not in (None, "recording"):

@@ -2,22 +2,21 @@
 
 import argparse
 import sys
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from mp2a.cli.march_setup import MarchSetup, set_up
+from mp2a.cli.march_setup import MarchSetup, set_up_march
 from mp2a.cli.options import as_rank, bounded, command, positive, speed, words
 from mp2a.exceptions import DependencyError, InputError, OutputError
-from mp2a.formation.outcome import Outcome, status
+from mp2a.formation.outcome import Outcome, exit_status
 from mp2a.mpi_environment import under_mpi
 
 if TYPE_CHECKING:
     from mp2a.formation.record import FormationRecord
     from mp2a.mpi import MPI
-    from mp2a.simulator import Controller, Recording, RobotEvent, RunRecorder, Simulation
-    from mp2a.simulator.driver import Ending, SimulationDriver
-    from mp2a.spatial import Array
+    from mp2a.simulator import Controller, Recording, RunRecorder, Simulation
+    from mp2a.simulator.driver import Ending
 
 _FAR = 1e5
 """m: coordinates beyond it are taken for a mistake, as in world files."""
@@ -28,6 +27,8 @@ _BY_DYNAMICS: dict[str, Any] = {
 """Options that only a march by dynamics has, and their defaults."""
 _CHOREOGRAPHY: dict[str, Any] = {"max_speed": None, "start": (0.0, 0.0, 0.0)}
 """Options that only a choreography has."""
+_ENDINGS = {"npz": ".npz", "mcap": ".mcap", "paths": ".png", "speeds": "-speeds.png", "animation": ".gif"}
+"""What is written of a march, and how its file's name ends."""
 _PRINTED = 12
 """Events that are printed; the recording has all."""
 _NOT_WRITTEN = 2
@@ -62,7 +63,7 @@ def add(commands: Any) -> None:
     parser.add_argument("--method", default="sweep", help="of the scan (default: sweep)")
     parser.add_argument("--out", type=Path, default=Path("results/march"), help="files to write, without an ending")
     parser.add_argument(
-        "--write", type=words, default=tuple(_WRITERS), metavar=",".join(_WRITERS), help="which (default: all)"
+        "--write", type=words, default=tuple(_ENDINGS), metavar=",".join(_ENDINGS), help="which (default: all)"
     )
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     choreography = parser.add_argument_group("a choreography")
@@ -96,6 +97,7 @@ def _march_as_rank(options: argparse.Namespace) -> int:
 def _march_with(options: argparse.Namespace, comm: "MPI.Intracomm | None") -> int:
     """March with all robots in this process, or with one of them on each rank; rank 0 then has the world, too."""
     from mp2a.simulator import RunRecorder, simulate
+    from mp2a.simulator.driver import Ending
 
     setup, simulation = _agree(options, comm)
     recorder = None if simulation is None else RunRecorder(simulation, setup.roles)
@@ -111,48 +113,26 @@ def _march_with(options: argparse.Namespace, comm: "MPI.Intracomm | None") -> in
             from mp2a.simulator.ranks import simulate_over_ranks
 
             simulate_over_ranks(comm, driver, None if simulation is None else run)
-        parts = [_Part.of(driver)] if comm is None else comm.gather(_Part.of(driver))
+        parts = [driver.ending] if comm is None else comm.gather(driver.ending)
     result = 0
     if simulation is not None and recorder is not None and parts is not None:
-        result = _finish(options, simulation, recorder, setup, parts)
+        result = _finish(options, simulation, recorder, setup, Ending.of_all(parts))
     return result if comm is None else _for_all(comm, result)
-
-
-class _Part(NamedTuple):
-    """What the driver of a process leaves behind."""
-
-    leaders: "Array"
-    leader_paths: "list[Array]"
-    events: "list[RobotEvent]"
-    ending: "Ending"
-    record: "FormationRecord | None"
-
-    @classmethod
-    def of(cls, driver: "SimulationDriver") -> "_Part":
-        """Take it from the driver."""
-        import numpy as np
-
-        record = getattr(driver, "record", None)  # a choreography has none
-        return cls(np.array(driver.leaders), driver.leader_paths, driver.events, driver.ending, record)
 
 
 def _agree(options: argparse.Namespace, comm: "MPI.Intracomm | None") -> "tuple[MarchSetup, Simulation | None]":
     """Set up in the first process and tell all; the path is the leader's alone."""
     if comm is None:
-        setup = set_up(options, None)
+        setup = set_up_march(options, None)
         return setup, _simulation(options, setup)
-    from mp2a.transport.agreement import raise_together
+    from mp2a.transport.agreement import shared_errors
 
     own: Any = None
     simulation: Any = None
-    wrong: InputError | None = None
-    if comm.rank == 0:
-        try:
-            own = set_up(options, comm.size)
+    with shared_errors(comm):
+        if comm.rank == 0:
+            own = set_up_march(options, comm.size)
             simulation = _simulation(options, own)
-        except InputError as error:
-            wrong = error
-    raise_together(comm, wrong)
     common = comm.bcast(own._replace(path=None) if own is not None and hasattr(own, "path") else own)
     return (common if own is None else own), simulation
 
@@ -177,9 +157,9 @@ def _settle_options(options: argparse.Namespace) -> None:
     for name, value in (_BY_DYNAMICS | _CHOREOGRAPHY).items():
         if getattr(options, name) is None:
             setattr(options, name, value)
-    unknown = [name for name in options.write if name not in _WRITERS]
+    unknown = [name for name in options.write if name not in _ENDINGS]
     if unknown:
-        raise InputError(f"--write: got {unknown[0]!r}, expected one of {', '.join(_WRITERS)}")
+        raise InputError(f"--write: got {unknown[0]!r}, expected one of {', '.join(_ENDINGS)}")
 
 
 def _simulation(options: argparse.Namespace, setup: MarchSetup) -> "Simulation":
@@ -205,17 +185,14 @@ def _finish(
     simulation: "Simulation",
     recorder: "RunRecorder",
     setup: MarchSetup,
-    parts: "list[_Part]",
+    ending: "Ending",
 ) -> int:
     """Print and write what the robots left behind; return the exit status."""
     import numpy as np
 
-    from mp2a.simulator.driver import Ending
     from mp2a.simulator.outcomes import outcomes
 
-    leaders = np.concatenate([part.leaders for part in parts], axis=1)
-    recording = recorder.recording(leaders, [event for part in parts for event in part.events], parts[0].leader_paths)
-    ending = Ending.of_all([part.ending for part in parts])
+    recording = recorder.recording(ending.leaders, ending.events, ending.leader_paths)
     if not options.file:  # only the leader knows its path, and when that is over
         ending = ending._replace(over=np.full(len(setup.roles), ending.over.all()))
     ends = outcomes(simulation, setup.roles, ending)
@@ -225,13 +202,13 @@ def _finish(
     else:
         for line in (str(each) for each in ends if not each.good):
             print(f"mp2a: {line}", file=sys.stderr)
-    writers = [(name, _WRITERS[name]) for name in options.write]
-    if not options.file:
-        writers.append(("scan", lambda recording, options: _scan(parts, options)))
     wrong = False
-    for name, write in writers:
+    writers = {name: partial(_write, name, recording, options) for name in options.write}
+    if ending.record is not None:
+        writers["scan"] = partial(_scan, ending.record, options)
+    for name, write in writers.items():
         try:
-            path = write(recording, options)
+            path = write()
         except DependencyError as error:
             if not options.quiet:
                 print(f"no {name}: {error}")
@@ -241,7 +218,7 @@ def _finish(
         else:
             if not options.quiet:
                 print(path)
-    return _NOT_WRITTEN if wrong else status(ends)
+    return _NOT_WRITTEN if wrong else exit_status(ends)
 
 
 def _named(options: argparse.Namespace, ending: str) -> Path:
@@ -249,63 +226,35 @@ def _named(options: argparse.Namespace, ending: str) -> Path:
     return out
 
 
-def _npz(recording: "Recording", options: argparse.Namespace) -> Path:
-    from mp2a.simulator import save_recording
+def _write(name: str, recording: "Recording", options: argparse.Namespace) -> Path:
+    """Write one of `_ENDINGS`."""
+    path = _named(options, _ENDINGS[name])
+    if name in ("npz", "mcap"):
+        from mp2a.simulator import save_recording
 
-    return save_recording(recording, _named(options, ".npz"))
+        return save_recording(recording, path)
+    from mp2a import plot
 
-
-def _mcap(recording: "Recording", options: argparse.Namespace) -> Path:
-    from mp2a.simulator import save_recording
-
-    return save_recording(recording, _named(options, ".mcap"))
-
-
-def _paths(recording: "Recording", options: argparse.Namespace) -> Path:
-    from mp2a.plot import march_figure, save_figure
-
-    return save_figure(march_figure(recording), _named(options, ".png"))
+    if name == "animation":
+        return plot.save_animation(recording, path, quiet=options.quiet)
+    figure = plot.march_figure if name == "paths" else plot.speeds_figure
+    return plot.save_figure(figure(recording), path)
 
 
-def _speeds(recording: "Recording", options: argparse.Namespace) -> Path:
-    from mp2a.plot import save_figure, speeds_figure
-
-    return save_figure(speeds_figure(recording), _named(options, "-speeds.png"))
-
-
-def _animation(recording: "Recording", options: argparse.Namespace) -> Path:
-    from mp2a.plot import save_animation
-
-    return save_animation(recording, _named(options, ".gif"), quiet=options.quiet)
-
-
-_WRITERS: "dict[str, Callable[[Recording, argparse.Namespace], Path]]" = {
-    "npz": _npz,
-    "mcap": _mcap,
-    "paths": _paths,
-    "speeds": _speeds,
-    "animation": _animation,
-}
-"""What is written of a march. A new kind is a line here."""
-
-
-def _scan(parts: "list[_Part]", options: argparse.Namespace) -> Path:
+def _scan(record: "FormationRecord", options: argparse.Namespace) -> Path:
     """Write what a march by dynamics keeps of its scan."""
-    from mp2a.formation.record import join, save
+    from mp2a.formation.record import save_record
 
-    records = [part.record for part in parts if part.record is not None]
-    about = {name: getattr(options, name) for name in _BY_DYNAMICS} | {
-        "n": records[0].pose.shape[1] if len(records) == 1 else len(records), "method": options.method,
-    }  # fmt: skip
+    about = {name: getattr(options, name) for name in _BY_DYNAMICS}
     out = _named(options, "-scan.npz")
-    save(out, join(records), about)
+    save_record(out, record, about | {"n": record.pose.shape[1], "method": options.method})
     return out
 
 
 def _show(recording: "Recording", ends: list[Outcome]) -> None:
     import numpy as np
 
-    from mp2a.cli.outcome import show
+    from mp2a.cli.outcome import show_outcomes
 
     way = np.hypot(*np.moveaxis(np.diff(recording.poses[..., :2], axis=0), -1, 0)).sum(axis=0)
     off = np.abs(recording.gaps - recording.leaders[..., 2])
@@ -315,7 +264,7 @@ def _show(recording: "Recording", ends: list[Outcome]) -> None:
         print(f"{event.time:6.1f} s  {event.text(recording.roles)}")
     if len(recording.events) > _PRINTED:
         print(f"and {len(recording.events) - _PRINTED} more events, see the recording")
-    show(ends, f"{len(ends)} robots, {recording.times[-1]:.1f} s, simulated", columns)
+    show_outcomes(ends, f"{len(ends)} robots, {recording.times[-1]:.1f} s, simulated", columns)
 
 
 def _numbers(text: str, *most: float) -> tuple[float, ...]:

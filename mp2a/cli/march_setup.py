@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mp2a.cli.options import read_scenario, robot_models
+from mp2a.cli.options import robot_models
 from mp2a.exceptions import InputError
+from mp2a.file_kinds import read_text
 
 if TYPE_CHECKING:
     from mp2a.formation import Formation, Path
@@ -51,7 +52,7 @@ class ChoreographySetup(NamedTuple):
         models = dict(zip(self.roles, self.models, strict=True))
         with _exchange(comm, planar_chain(len(models)), self.method) as exchange:
             choreography = Choreography(self.scenario, models, self.max_speed, self.poses, exchange)
-            yield ChoreographySimulationDriver(choreography, exchange.robots)
+            yield ChoreographySimulationDriver(choreography)
 
 
 class FormationSetup(NamedTuple):
@@ -94,7 +95,7 @@ def _exchange(comm: "MPI.Intracomm | None", model: "Model", method: str) -> "Ite
         yield MPIExchange(ranks)
 
 
-def set_up(options: argparse.Namespace, ranks: int | None) -> MarchSetup:
+def set_up_march(options: argparse.Namespace, ranks: int | None) -> MarchSetup:
     """Set a march up, in one process: it takes a parser, and the path is for the leader's process alone.
 
     Raises
@@ -109,19 +110,17 @@ def set_up(options: argparse.Namespace, ranks: int | None) -> MarchSetup:
 
 
 def _choreography(options: argparse.Namespace) -> ChoreographySetup:
-    from mp2a.formation.choreography.fleet import models
     from mp2a.formation.choreography.reading import parse
     from mp2a.formation.choreography.runner import Choreography
     from mp2a.se2 import compose
 
-    scenario = parse(read_scenario(options.file))
-    chosen = models(scenario, robot_models(options.robots))
-    choreography = Choreography(scenario, dict(zip(scenario.robots, chosen, strict=True)), options.max_speed)
+    scenario = parse(read_text(options.file, "a scenario", "text"))
+    choreography = Choreography(scenario, robot_models(options.robots), options.max_speed)
     x, y, degrees = options.start
     poses = compose(np.array([x, y, np.deg2rad(degrees)]), choreography.slot_poses())
     seconds = options.seconds or _MOST_SECONDS
     return ChoreographySetup(
-        scenario.robots, chosen, poses, seconds, scenario, choreography.max_speed, options.method
+        scenario.robots, choreography.models, poses, seconds, scenario, choreography.max_speed, options.method
     )  # fmt: skip
 
 

@@ -4,21 +4,16 @@ import argparse
 import sys
 import traceback
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from mp2a.bench.settings import ERROR, PROGRESS
 from mp2a.exceptions import DependencyError, InputError, OutputError
-from mp2a.file_kinds import kind_of_file
 from mp2a.network import EmulatedNetwork, parse
 
 if TYPE_CHECKING:
     from mp2a.formation.robot_models import RobotModel
 
 T = TypeVar("T")
-
-WIDTH = 136
-"""Columns of the tables, whatever the terminal: cut-off headings help nobody."""
 
 
 def command(
@@ -147,16 +142,6 @@ speed = bounded(1e-3, 100.0, "m/s")
 """Read a speed of a robot."""
 
 
-def read_scenario(path: Path, name: str = "FILE") -> str:
-    """Read a scenario's text; ``name`` is what errors call the argument."""
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"{name}: {path} cannot be read as text: it is {kind_of_file(path)}, expected a scenario"
-        ) from error
-
-
 def robot_models(text: str) -> "RobotModel | dict[str, RobotModel]":
     """Read models of robots, as in ``husky`` or ``R1=husky,R2=tradr``."""
     from mp2a.formation.robot_models import ROBOTS
@@ -166,9 +151,12 @@ def robot_models(text: str) -> "RobotModel | dict[str, RobotModel]":
             raise InputError(f"--robots: got model {name!r}, expected one of {', '.join(ROBOTS)}")
         return ROBOTS[name.lower()]
 
-    if "=" not in text:
-        return model(text)
-    return {role: model(name) for role, _, name in (part.partition("=") for part in text.split(","))}
+    return {role: model(name) for role, name in by_role(text).items()} if "=" in text else model(text)
+
+
+def by_role(text: str) -> dict[str, str]:
+    """Read what each role has, as in ``R1=husky,R2=tradr``."""
+    return {role: name for role, _, name in (part.partition("=") for part in text.split(","))}
 
 
 def say_line(what: str) -> None:

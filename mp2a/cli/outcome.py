@@ -6,7 +6,9 @@ from mp2a import tables
 from mp2a.formation.outcome import Outcome
 
 
-def show(outcomes: Sequence[Outcome], title: str, columns: Mapping[str, Sequence[float]] | None = None) -> None:
+def show_outcomes(
+    outcomes: Sequence[Outcome], title: str, columns: Mapping[str, Sequence[float]] | None = None
+) -> None:
     """Print how a run ended for every robot.
 
     Parameters

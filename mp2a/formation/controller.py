@@ -25,15 +25,14 @@ from numpy.typing import ArrayLike, NDArray
 from mp2a.checks import array, positive
 from mp2a.formation import obstacles, path_queue, sensing, springs
 from mp2a.formation.constants import TICK
-from mp2a.formation.exchange import Exchange, FormationScan, LocalExchange, scan
+from mp2a.formation.exchange import Exchange, FormationScan, LocalExchange, scan_formation
 from mp2a.formation.formation import Formation
 from mp2a.formation.obstacles import ObstacleLaw
 from mp2a.formation.path_queue import PathQueues
 from mp2a.formation.paths import Path
 from mp2a.formation.safety import ErrorStates
-from mp2a.formation.sensing import SensedPoints
+from mp2a.formation.sensing import SensedPoints, is_obstacle
 from mp2a.formation.springs import Displacement, Springs, solve
-from mp2a.formation.teammates import is_obstacle
 from mp2a.formation.vectors import as_complex, as_vectors
 from mp2a.se2 import PlanarMotion, act, inverse, relative, rotate, wrap
 from mp2a.spatial import Array
@@ -218,11 +217,11 @@ class FormationController:
             plan = self.exchange.send_to_children(np.concatenate(own, axis=-1))
             joints = PlanarMotion(plan[:, :3], plan[:, 3:6], plan[:, 6:]).relative(own)
         with self.exchange.together(self.exchange.run) as run:
-            points = sensing.nothing(len(own.pose)) if sensed is None else sensing.check(sensed, len(own.pose))
+            points = sensing.nothing(len(own.pose)) if sensed is None else sensing.check_points(sensed, len(own.pose))
             errors = state.errors.after_scan(self.time, points.heard)
             push, contact = self._push(points, errors.failed)
             external = np.column_stack((push, np.zeros(len(push))))
-            result = scan(run, joints, external)
+            result = scan_formation(run, joints, external)
 
         load = result.obstacles
         if follows:
@@ -246,7 +245,7 @@ class FormationController:
         if start is not None:
             places = relative(np.where(self._leads[:, None], 0.0, start[layout.parents[robots]]), start[robots])
         joints = PlanarMotion.at_rest(places)
-        motion = scan(self.exchange.run, joints, np.zeros((m, 3))).motion
+        motion = scan_formation(self.exchange.run, joints, np.zeros((m, 3))).motion
         free = self._leads if layout.follows else np.ones(m, dtype=bool)
         offset = np.where(free[:, None], self._possible(relative(rest, places)), 0.0)
         return FormationState(
@@ -315,7 +314,7 @@ class FormationController:
         """Return the displacement a tick later under a load in the robots' axes, and the load's work."""
         before = self.state.displacement
         force = np.column_stack((rotate(before.value[:, 2], load[:, :2]), load[:, 2]))
-        after = springs.advance(self.springs, self._solution, before, force)
+        after = springs.give_way(self.springs, self._solution, before, force)
         work: Array = (force * (after.value - before.value)).sum(-1)
         return after, work
 

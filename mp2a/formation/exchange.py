@@ -30,11 +30,11 @@ class PlanarDynamics(NamedTuple):
     """F that the virtual joint passes to the robot, in its frame, ``(T, m, 3)``, N, N, N m (paper, eq. 6)."""
 
 
-Run: TypeAlias = Callable[[PlanarMotion, Array], PlanarDynamics]
+RunDynamics: TypeAlias = Callable[[PlanarMotion, Array], PlanarDynamics]
 """`Exchange.run`, or what `Exchange.together` makes of it."""
 Broadcast: TypeAlias = Callable[[Array], Array]
 """`Exchange.broadcast`, or what `Exchange.together` makes of it."""
-Call = TypeVar("Call", bound=Callable[..., Any])
+Shared = TypeVar("Shared", bound=Callable[..., Any])
 
 
 class Exchange(Protocol):
@@ -63,7 +63,7 @@ class Exchange(Protocol):
         """
         ...
 
-    def together(self, call: Call) -> AbstractContextManager[Call]:
+    def together(self, call: Shared) -> AbstractContextManager[Shared]:
         """Return a context that gives a method of this exchange, to be called once in it.
 
         What is raised in the context before the call, in any process, is raised in all that make the call.
@@ -102,7 +102,7 @@ class LocalExchange:
         q, v, a = (x.reshape(samples, -1) for x in (q, v, a))
         return _in_the_plane(rnea(self.model, q, v, a, forces, method=self.method, bodies=True))
 
-    def together(self, call: Call) -> AbstractContextManager[Call]:
+    def together(self, call: Shared) -> AbstractContextManager[Shared]:
         """Return the call itself: an error here is nobody else's."""
         return nullcontext(call)
 
@@ -133,14 +133,14 @@ class MPIExchange:
         return _on_this_rank(self.ranks.rnea, joints, external)
 
     @contextmanager
-    def together(self, call: Call) -> Iterator[Call]:
+    def together(self, call: Shared) -> Iterator[Shared]:
         """Share an error of any rank before `run` or `broadcast` with all."""
         if call == self.broadcast:
             with self.ranks.together(self.ranks.broadcast) as shared:
-                yield cast("Call", shared)
+                yield cast("Shared", shared)
         else:
             with self.ranks.together(self.ranks.rnea) as shared:
-                yield cast("Call", partial(_on_this_rank, shared))
+                yield cast("Shared", partial(_on_this_rank, shared))
 
 
 class FormationScan(NamedTuple):
@@ -154,7 +154,7 @@ class FormationScan(NamedTuple):
     """What obstacles press on the joint with, own and those of all robots behind, in the robot's frame, ``(m, 3)``."""
 
 
-def scan(run: Run, joints: PlanarMotion, external: Array) -> FormationScan:
+def scan_formation(run: RunDynamics, joints: PlanarMotion, external: Array) -> FormationScan:
     """Run inverse dynamics for joints ``(m, 3)`` and obstacles' forces ``(m, 3)``; collective.
 
     Two samples: the motion with all forces, and the same places at rest with the obstacles' forces alone.

@@ -81,6 +81,6 @@ def outcome(
     return Outcome(role, not reason, distance, reason, tuple(touched))
 
 
-def status(outcomes: Iterable[Outcome]) -> int:
+def exit_status(outcomes: Iterable[Outcome]) -> int:
     """Return the exit status of a run: 0 if all robots arrived and touched nothing, `FAILED` otherwise."""
     return 0 if all(each.good for each in outcomes) else FAILED

@@ -1,18 +1,16 @@
 """A whole march by dynamics, and what is kept of it."""
 
-import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.exceptions import InputError
-from mp2a.files import atomic_write
+from mp2a.formation.array_file import load_arrays, save_arrays
 from mp2a.formation.controller import FormationController, Setpoints
 from mp2a.spatial import Array
 
-_FORMAT = 1
+_FORMAT = 2
 
 
 class FormationRecord(NamedTuple):
@@ -36,7 +34,7 @@ class FormationRecord(NamedTuple):
     """``(T, m)``"""
 
 
-def row(time: float, controller: FormationController, setpoints: Setpoints) -> tuple[Any, ...]:
+def record_row(time: float, controller: FormationController, setpoints: Setpoints) -> tuple[Any, ...]:
     """Return what is kept of a step that has just been made: a row of a `FormationRecord`."""
     report = controller.report
     assert report is not None
@@ -46,40 +44,18 @@ def row(time: float, controller: FormationController, setpoints: Setpoints) -> t
     )  # fmt: skip
 
 
-def join(parts: list[FormationRecord]) -> FormationRecord:
+def join_records(parts: list[FormationRecord]) -> FormationRecord:
     """Join the records of all processes, in the order of the robots."""
     columns = list(zip(*parts, strict=True))
     return FormationRecord(columns[0][0], *(np.concatenate(column, axis=1) for column in columns[1:]))
 
 
-def save(path: Path, record: FormationRecord, about: dict[str, Any]) -> None:
-    """Write a record and what it is about as ``.npz``, whole or not at all.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
-    """
-    text = json.dumps({"format": _FORMAT, **about})
-    with atomic_write(path) as new, new.open("wb") as file:
-        np.savez_compressed(file, about=np.array(text), **record._asdict())
+def save_record(path: Path, record: FormationRecord, about: dict[str, Any]) -> None:
+    """Write a record and what it is about as ``.npz``, whole or not at all; raises `OutputError` if it cannot."""
+    save_arrays(path, _FORMAT, record._asdict(), about)
 
 
-def load(path: Path) -> tuple[FormationRecord, dict[str, Any]]:
-    """Read what `save` wrote.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or holds no march.
-    """
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            data = {name: file[name] for name in file.files}
-        about = json.loads(str(data.pop("about")))
-        version = about.pop("format")
-        if version != _FORMAT:
-            raise ValueError(f"format {version}")
-        return FormationRecord(**data), about
-    except Exception as error:  # damaged files raise a dozen kinds
-        raise InputError(f"path: {path} cannot be read as a march ({error})") from error
+def load_record(path: str | Path) -> tuple[FormationRecord, dict[str, Any]]:
+    """Read what `save_record` wrote; raises `InputError` if the file cannot be read or holds no march."""
+    fields = FormationRecord._fields
+    return load_arrays(path, "march", _FORMAT, fields, lambda arrays, about: (FormationRecord(**arrays), about))

@@ -1,8 +1,13 @@
 """The robots a formation is made of: size and limits."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
 
 from mp2a.exceptions import InputError
+from mp2a.spatial import Array
 
 
 @dataclass(frozen=True)
@@ -35,9 +40,8 @@ class RobotModel:
     max_turn_acceleration: float
 
     def __post_init__(self) -> None:
-        for field in ("length", "width", "max_speed", "max_turn_rate", "max_acceleration", "max_turn_acceleration"):
-            value = getattr(self, field)
-            if not 0 < value < float("inf"):
+        for field, value in vars(self).items():
+            if field != "name" and not 0 < value < float("inf"):
                 raise InputError(f"{field}: got {value} for robot {self.name}, expected a positive number")
 
 
@@ -51,3 +55,40 @@ assumed."""
 
 ROBOTS = {model.name.lower(): model for model in (HUSKY, TRADR)}
 """Every robot by lower-case name. A new robot is one more entry."""
+
+
+class Fleet(NamedTuple):
+    """Sizes and limits of n robots as arrays ``(n,)``, m, m/s, rad/s, m/s², rad/s²."""
+
+    length: Array
+    width: Array
+    max_speed: Array
+    max_turn_rate: Array
+    max_acceleration: Array
+    max_turn_acceleration: Array
+
+    @classmethod
+    def of(cls, models: Sequence[RobotModel]) -> "Fleet":
+        """Return the sizes and limits of models."""
+        return cls(*(np.array([getattr(model, name) for model in models]) for name in cls._fields))
+
+    @property
+    def sizes(self) -> Array:
+        """Lengths and widths, ``(n, 2)`` m."""
+        return np.column_stack((self.length, self.width))
+
+    @property
+    def radius(self) -> Array:
+        """Distance from the middle of each robot to its corners, ``(n,)`` m."""
+        out: Array = np.hypot(self.length, self.width) / 2
+        return out
+
+    @property
+    def fastest(self) -> Array:
+        """Limits of commands, ``(n, 2)``, m/s and rad/s."""
+        return np.column_stack((self.max_speed, self.max_turn_rate))
+
+    @property
+    def accelerations(self) -> Array:
+        """Greatest accelerations, ``(n, 2)``, m/s² and rad/s²."""
+        return np.column_stack((self.max_acceleration, self.max_turn_acceleration))

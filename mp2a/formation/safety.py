@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mp2a.checks import numbers
-from mp2a.exceptions import InputError
+from mp2a.checks import array
 from mp2a.formation.constants import (
     HIGHEST,
     LOST_POSES,
@@ -101,18 +100,29 @@ class ErrorStates(NamedTuple):
     """``(n,)`` s: when LIDAR data came last; not a number of robots that have no LIDAR or have not begun."""
     lost_poses: NDArray[np.intp]
     """``(n,)``: look-ups of the pose that failed in a row."""
-    failed: Flags
-    """``(n,)``"""
+    lost: Flags
+    """``(n,)``: which robots have failed because their pose was lost."""
+    silent: Flags
+    """``(n,)``: which have failed because their LIDAR was silent."""
 
     @classmethod
     def none(cls, n: int, last_scan_time: float = np.nan) -> "ErrorStates":
         """Return the states of n robots that are well."""
-        return cls(np.full(n, last_scan_time), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=bool))
+        return cls(np.full(n, last_scan_time), np.zeros(n, dtype=np.intp), *np.zeros((2, n), dtype=bool))
+
+    @property
+    def failed(self) -> Flags:
+        """Which robots have failed, ``(n,)``."""
+        return self.lost | self.silent
+
+    def cause(self, robot: int) -> str:
+        """Return what brought a robot into its error state; empty if it is not in it."""
+        return "its pose was lost" if self.lost[robot] else "its LIDAR was silent" if self.silent[robot] else ""
 
     def after_look_up(self, located: Flags) -> "ErrorStates":
         """Return the states after the poses have been looked up: a robot fails with the third loss in a row."""
-        lost = np.where(located, 0, self.lost_poses + 1)
-        return self._replace(lost_poses=lost, failed=self.failed | (lost >= LOST_POSES))
+        count = np.where(located, 0, self.lost_poses + 1)
+        return self._replace(lost_poses=count, lost=self.lost | (count >= LOST_POSES) & ~self.silent)
 
     def after_scan(self, time: float, arrived: Flags) -> "ErrorStates":
         """Return the states at a time in s: a robot fails when the last data are older than `SILENCE`.
@@ -120,7 +130,7 @@ class ErrorStates(NamedTuple):
         What is missing before the start, time 0, is missing from the start on.
         """
         last = np.where(arrived | np.isnan(self.last_scan_time) | (time < 0), time, self.last_scan_time)
-        return self._replace(last_scan_time=last, failed=self.failed | (time - last > SILENCE + _ROUNDING))
+        return self._replace(last_scan_time=last, silent=self.silent | (time - last > SILENCE + _ROUNDING) & ~self.lost)
 
 
 def from_cloud(cloud: ArrayLike) -> Array:
@@ -131,11 +141,10 @@ def from_cloud(cloud: ArrayLike) -> Array:
     InputError
         If the cloud is not ``(k, 3)``.
     """
-    points = numbers("cloud", cloud)
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise InputError(f"cloud: got shape {points.shape}, expected (k, 3)")
+    points = array("cloud", cloud, (None, 3), finite=False)
     height = points[:, 2]
-    return points[(height > LOWEST) & (height < HIGHEST), :2]
+    out: Array = points[(height > LOWEST) & (height < HIGHEST), :2]
+    return out
 
 
 def _swept(points: Array, size: Array, way: float) -> Flags:

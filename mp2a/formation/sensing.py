@@ -46,15 +46,13 @@ def pack(points: Sequence[ArrayLike | None], robots: int | None = None, *, finit
     for i, cloud in enumerate(points):
         rows = np.empty((0, 2)) if cloud is None else numbers(f"points[{i}]", cloud)
         rows = rows.reshape(-1, 2) if rows.size == 0 else rows
-        if rows.ndim != 2 or rows.shape[1] != 2:
-            raise InputError(f"points[{i}]: got shape {rows.shape}, expected (k, 2)")
-        clouds.append(array(f"points[{i}]", rows, (None, 2)) if finite else rows)
+        clouds.append(array(f"points[{i}]", rows, (None, 2), finite=finite))
     owners = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
     heard = np.array([cloud is not None for cloud in points], dtype=bool)
     return SensedPoints(np.concatenate(clouds) if clouds else np.empty((0, 2)), owners, heard)
 
 
-def check(sensed: SensedPoints, robots: int) -> SensedPoints:
+def check_points(sensed: SensedPoints, robots: int) -> SensedPoints:
     """Check packed points for a number of robots.
 
     Raises
@@ -73,6 +71,38 @@ def check(sensed: SensedPoints, robots: int) -> SensedPoints:
 def nothing(robots: int) -> SensedPoints:
     """Return what sensors say that see nothing."""
     return SensedPoints(np.empty((0, 2)), np.empty(0, dtype=np.intp), np.ones(robots, dtype=bool))
+
+
+def is_obstacle(points: Array, robot: NDArray[np.intp], begin: Array, end: Array, reach: Array) -> NDArray[np.bool_]:
+    """Return which points are farther than a reach from where team mates are to be, or were to be a moment ago.
+
+    A robot knows where the others are to be. Points there are most likely them: they stop it like any other point, but
+    a robot that they pushed aside would leave its place.
+
+    Parameters
+    ----------
+    points
+        ``(k, 2)``, m.
+    robot
+        ``(k,)``: which of m robots sees them.
+    begin, end
+        ``(m, c, 2)``: where c team mates of each robot were to be, and are to be; in the same frame as the robot's
+        points, m. Between the two they have driven straight on. Not a number for one that is nowhere.
+    reach
+        m from there up to which a point is the team mate, ``(m, c)``; below zero for one that is not looked for.
+
+    Returns
+    -------
+    numpy.ndarray
+        ``(k,)``.
+    """
+    out = np.ones(len(points), dtype=bool)
+    for start, way, radius in zip(*(np.moveaxis(x, 1, 0)[:, robot] for x in (begin, end - begin, reach)), strict=True):
+        length = (way**2).sum(axis=-1)
+        share = ((points - start) * way).sum(axis=-1) / np.where(length > 0, length, 1.0)
+        distance = np.hypot(*(points - start - np.clip(share, 0, 1)[:, None] * way).T)
+        out &= ~(distance < radius)
+    return out
 
 
 _INSIDE = 1e-3

@@ -111,7 +111,7 @@ def solve(springs: Springs, tick: float) -> SpringSolution:
     return SpringSolution(*(np.where(rigid, 0.0, part) for part in step))
 
 
-def advance(springs: Springs, step: SpringSolution, before: Displacement, force: Array) -> Displacement:
+def give_way(springs: Springs, step: SpringSolution, before: Displacement, force: Array) -> Displacement:
     """Return the displacement after a tick under a constant force.
 
     Parameters

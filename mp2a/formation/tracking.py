@@ -26,7 +26,7 @@ class Gains(NamedTuple):
     """1/m; critically damped with heading² = 4 across."""
 
 
-def commands(place: Array, velocity: Array, poses: Array, gains: Gains | None = None) -> Array:
+def track(place: Array, velocity: Array, poses: Array, gains: Gains | None = None) -> Array:
     """Return speeds that take robots to their setpoints and along with them, before any limit.
 
     A skid-steer robot cannot move sideways, so it heads where its place moves to, which in a bend of a wide formation

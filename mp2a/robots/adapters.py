@@ -5,14 +5,13 @@ A new one is a file with ``make(config)`` and a line in `ADAPTERS`.
 
 import importlib
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from mp2a.mpi import MPI
     from mp2a.robots.channel import Channel
     from mp2a.robots.interface import Clock, Robot
-    from mp2a.robots.robot_config import RobotConfig
+    from mp2a.robots.robots_file import RobotsFile
     from mp2a.spatial import Array
 
 EPOCH = 1_000_000_000
@@ -22,10 +21,8 @@ EPOCH = 1_000_000_000
 class AdapterConfig(NamedTuple):
     """Which robots an adapter is to make."""
 
-    adapter: str
-    """Its name in `ADAPTERS`."""
-    robots: "Mapping[str, RobotConfig]"
-    """All robots of the scenario by role, in its order."""
+    file: "RobotsFile"
+    """All robots of the scenario, in its order, and what is behind them."""
     places: "Array"
     """``(n, 3)`` where they start, m and rad."""
     roles: "Sequence[str]"
@@ -34,17 +31,11 @@ class AdapterConfig(NamedTuple):
     """With a rank a robot."""
     armed: bool
     """Whether real robots get commands."""
-    world: Path | None
-    """Of the simulator; None: an empty one."""
-    recording: Path | None
-    """That is played back."""
-    begin: float | None
-    """s into it at which the scenario begins; None: as soon as pose and odometry are known."""
 
     @property
     def period(self) -> float:
         """Seconds a tick."""
-        return 1.0 / self.robots[self.roles[0]].rate
+        return 1.0 / self.file.configs[self.roles[0]].rate
 
 
 class AdapterResult(NamedTuple):
@@ -83,7 +74,7 @@ class Adapter(NamedTuple):
 
 
 ADAPTERS = {
-    "dry": Adapter("mp2a.robots.dry"),
+    "dry": Adapter("mp2a.robots.simulated"),
     "simulator": Adapter("mp2a.robots.simulated", alone=False),
     "recording": Adapter("mp2a.robots.records.recorded", own_frames=True),
     "ros1": Adapter("mp2a.robots.ros_robot", real=True, own_frames=True),

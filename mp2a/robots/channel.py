@@ -1,16 +1,18 @@
-"""Short texts from every robot to every other: what the start is agreed on over."""
+"""How the start is agreed on: by MPI, or by short texts from every robot to every other."""
 
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
-from mp2a.exceptions import InputError
-from mp2a.robots.start import PERIOD, Start
+from mp2a.exceptions import DependencyError, InputError
+from mp2a.robots.start import CLOCK_TOLERANCE, LEAD, PERIOD, Start
+from mp2a.transport.wait import wait_unless
 
 if TYPE_CHECKING:
     from mp2a.mpi import MPI
 
-_TAG = 77
+_NAP = 0.01
+"""s that a rank sleeps at most between two looks whether all others are ready."""
 _FAREWELLS = 10
 """Messages to those whose terms are refused."""
 
@@ -28,28 +30,23 @@ class Channel(Protocol):
         """Tell this robot's own programs whether all robots are ready."""
 
 
-class MpiChannel:
-    """Texts between the ranks of a communicator, one a robot."""
+def agree_over_ranks(comm: "MPI.Comm") -> float:
+    """Return when to start, once every rank has come here, by the clock that all robots share; collective.
 
-    def __init__(self, comm: "MPI.Comm") -> None:
-        self._comm = comm.Dup()
-        self._sent: list[MPI.Request] = []
-
-    def publish(self, text: str) -> None:
-        """Send a text to every other rank."""
-        self._sent = [request for request in self._sent if not request.Test()]
-        others = (rank for rank in range(self._comm.size) if rank != self._comm.rank)
-        self._sent += [self._comm.isend(text, rank, _TAG) for rank in others]
-
-    def receive(self) -> list[str]:
-        """Return the texts that have come."""
-        out = []
-        while self._comm.iprobe(tag=_TAG):
-            out.append(self._comm.recv(tag=_TAG))
-        return out
-
-    def announce(self, ready: bool) -> None:
-        """Tell nobody: no other program listens here."""
+    Raises
+    ------
+    DependencyError
+        If the clocks of two ranks differ.
+    """
+    wait_unless(comm.Ibarrier(), lambda: False, longest_nap=_NAP)
+    times = comm.allgather(time.time())
+    apart = max(times) - min(times)
+    if apart > CLOCK_TOLERANCE:
+        first, last = times.index(max(times)), times.index(min(times))
+        raise DependencyError(
+            f"the clock of rank {first} is {apart:.1f} s ahead of that of rank {last}; set both by NTP"
+        )
+    return float(max(times)) + LEAD
 
 
 def agree_on_start(

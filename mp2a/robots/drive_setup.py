@@ -1,7 +1,7 @@
 """Robots of a scenario, made ready in the processes that drive them."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -10,7 +10,7 @@ from mp2a.exceptions import DependencyError, InputError
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.choreography.scenario import Scenario
 from mp2a.robots.adapters import ADAPTERS, EPOCH, AdapterConfig, AdapterResult
-from mp2a.robots.channel import MpiChannel, agree_on_start
+from mp2a.robots.channel import agree_on_start, agree_over_ranks
 from mp2a.robots.clock import RealTimeClock
 from mp2a.robots.driver import Driver
 from mp2a.robots.interface import Clock, Robot
@@ -35,10 +35,8 @@ class DriveSetup(NamedTuple):
     """Whose time 0 is the start."""
     epochs: Mapping[str, int]
     """ns by role: what records call time 0. The clock's reading where time is real."""
-    report: Callable[[bool], list[str]]
-    """Lines to print when all is over, told whether all came to the end."""
-    touched: Callable[[], Mapping[str, Sequence[str]]]
-    """What each robot has driven into so far, by role, as far as that is known."""
+    adapter: AdapterResult
+    """What is behind the robots."""
 
 
 def roles_of_this_process(
@@ -110,34 +108,30 @@ def set_up_drive(
         If the robots do not fit the scenario, others drive by another one, or a robot cannot be reached.
     """
     adapter = ADAPTERS[robots.adapter]
-    configs = {role: robots.configs[role] for role in scenario.robots}
+    configs = robots.configs
     rates = sorted({config.rate for config in configs.values()})
     if not adapter.real and len(rates) > 1:
         raise InputError(f"rate: got {', '.join(f'{rate:g}' for rate in rates)} Hz, expected one for all here")
     models = {role: config.model for role, config in configs.items()}
 
-    def choreography() -> Choreography:
-        return Choreography(scenario, models, max_speed)
-
-    whole = choreography()
+    whole = Choreography(scenario, models, max_speed)
     terms = terms_of(scenario, models, whole.max_speed)
     if comm is not None:
         for role, others in zip(scenario.robots, comm.allgather(terms), strict=True):
             check_terms(roles[0], terms, role, others)
-    config = AdapterConfig(
-        robots.adapter, configs, whole.slot_poses(), roles, comm, armed, robots.world, robots.recording, robots.begin
-    )
+    config = AdapterConfig(robots, whole.slot_poses(), roles, comm, armed)
     result = adapter.make(config)
     in_place = adapter.own_frames and robots.origin == "in-place"
     drivers = []
     for role, robot in zip(roles, result.robots, strict=True):
-        planner = ChoreographyPlanner(choreography(), role, robot.has_lidar, configs[role].points_age)
+        dance = Choreography(scenario, models, max_speed, here=[scenario.robots.index(role)])
+        planner = ChoreographyPlanner(dance, robot.has_lidar, configs[role].points_age)
         drivers.append(Driver(role, robot, configs[role], planner, in_place))
     clock, epochs = result.clock, result.epochs or [EPOCH] * len(roles)
     if clock is None:
         clock = _start_together(config, result, terms)
         epochs = [time.time_ns() - round(1e9 * clock.now())]
-    return DriveSetup(drivers, clock, dict(zip(roles, epochs, strict=True)), result.report, result.touched)
+    return DriveSetup(drivers, clock, dict(zip(roles, epochs, strict=True)), result)
 
 
 def _start_together(config: AdapterConfig, result: AdapterResult, terms: Terms) -> RealTimeClock:
@@ -145,9 +139,11 @@ def _start_together(config: AdapterConfig, result: AdapterResult, terms: Terms) 
     [role], [robot] = config.roles, result.robots
     try:
         _wait_until_there(robot, role)
-        assert result.channel is not None
-        channel = result.channel() if config.comm is None else MpiChannel(config.comm)
-        start = agree_on_start(Start(role, tuple(config.robots), terms), channel)
+        if config.comm is not None:
+            start = agree_over_ranks(config.comm)
+        else:
+            assert result.channel is not None
+            start = agree_on_start(Start(role, tuple(config.file.configs), terms), result.channel())
     except BaseException:
         robot.close()
         raise

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from mp2a.formation.outcome import Outcome, outcome
+from mp2a.formation.robot_models import Fleet
 from mp2a.robots import limits, slip, sound
 from mp2a.robots.interface import NO_POSE, Clock, Robot, Sensed
 from mp2a.robots.planner import ChoreographyPlanner, Decision, origin_of
@@ -39,9 +40,8 @@ class Driver:
     ) -> None:
         self.role, self.robot = role, robot
         self._planner, self._dt = planner, 1.0 / config.rate
-        model = config.model
-        self._fastest = np.array([model.max_speed, model.max_turn_rate])
-        self._most = np.array([model.max_acceleration, model.max_turn_acceleration])
+        fleet = Fleet.of([config.model])
+        [self._fastest], [self._most] = fleet.fastest, fleet.accelerations
         self._place = planner.place()
         self._origin: Array | None = None if in_place else np.zeros(3)
         self._sent: Array = _ZERO

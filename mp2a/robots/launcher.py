@@ -15,7 +15,7 @@ import sys
 import threading
 from pathlib import Path
 
-_RANK_VARIABLES = (b"OMPI_COMM_WORLD_RANK", b"PMIX_RANK", b"PMI_RANK")
+from mp2a.mpi_environment import RANK_VARIABLES
 
 
 def launcher_pid() -> int | None:
@@ -67,7 +67,7 @@ def _is_in_rank(pid: int) -> bool:
         variables = Path(f"/proc/{pid}/environ").read_bytes().split(b"\0")
     except OSError:  # of another user, which a rank of ours is not
         return False
-    return any(variable.partition(b"=")[0] in _RANK_VARIABLES for variable in variables)
+    return any(os.fsdecode(variable.partition(b"=")[0]) in RANK_VARIABLES for variable in variables)
 
 
 def _parent(pid: int) -> int:

@@ -4,11 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mp2a.exceptions import InputError
 from mp2a.formation.choreography.runner import Choreography
-from mp2a.formation.pose_history import PoseHistory
-from mp2a.robots.interface import NO_POSE, Sensed
-from mp2a.se2 import act, act_inverse, compose, inverse
+from mp2a.robots.interface import Sensed
+from mp2a.se2 import compose, inverse
 from mp2a.spatial import Array
 
 
@@ -29,7 +27,7 @@ class Decision(NamedTuple):
     """There is nothing more to come: it is in its place, or in its error state, or has waited long enough."""
 
 
-PATIENCE = 10.0
+HELD_PATIENCE = 10.0
 """s that a robot at whose end something is in the way waits for it to go away; ours."""
 _ROUNDING = 1e-9
 """s: ticks that are played back are as far apart as they were, to rounding."""
@@ -42,26 +40,17 @@ class ChoreographyPlanner:
     Parameters
     ----------
     dance
-        Not begun; used by this alone.
-    role
-        Which of its robots.
+        Not begun; of one robot here.
     has_lidar
         Whether points are to come; if so, their absence is an error.
     points_age
         s that points are old when they come; they are moved by what the robot has driven since.
     """
 
-    def __init__(self, dance: Choreography, role: str, has_lidar: bool, points_age: float = 0.0) -> None:
-        if role not in dance.robots:
-            raise InputError(f"role: got {role!r}, expected one of {', '.join(dance.robots)}")
+    def __init__(self, dance: Choreography, has_lidar: bool, points_age: float = 0.0) -> None:
         self.dance, self._has_lidar, self._points_age = dance, has_lidar, points_age
-        self._history = PoseHistory(1)
-        self._own = dance.robots.index(role)
-        self._error, self._held_since = "", np.inf
-        n = len(dance.robots)
-        # Of the others nothing is known here, so here they are lost; their own processes know better.
-        self._poses, self._twists = np.tile(NO_POSE, (n, 1)), np.zeros((n, 2))
-        self._points: list[Array | None] = [None] * n
+        [self._own] = dance.here
+        self._held_since = np.inf
 
     def place(self) -> Array:
         """Return the pose ``(3,)`` in the ground frame that the robot is to have at present, m and rad."""
@@ -81,40 +70,22 @@ class ChoreographyPlanner:
     def decide(self, t: float, sensed: Sensed) -> Decision:
         """Run the choreography up to ``t`` s after the start; the pose is in the ground frame."""
         own, dance = self._own, self.dance
-        self._poses[own] = sensed.pose
-        self._twists[own] = sensed.twist
-        self._points[own] = self._now(t, sensed)
-        commands = dance.step(t, self._poses, self._twists, self._points if self._has_lidar else None)
-        state = dance.state
-        if state.errors.failed[own] and not self._error:
-            self._error = "its pose was lost" if state.errors.lost_poses[own] else "its LIDAR was silent"
-        speed = state.raw_command[own, 0]
+        points = [sensed.points] if self._has_lidar else None
+        [command] = dance.step(t, sensed.pose[None], sensed.twist[None], points, [t - self._points_age])
+        error, speed = dance.state.errors.cause(own), dance.state.raw_command[own, 0]
         held = bool((sensed.stop_front and speed > 0) or (sensed.stop_rear and speed < 0))
-        blocked = "" if self._error else _BY_SIGNAL if held else self._in_the_way(speed)
+        blocked = "" if error else _BY_SIGNAL if held else self._in_the_way(speed)
         over = bool(dance.ended[own])
         if over and blocked:  # it may get free for a moment, and be held again
             self._held_since = min(self._held_since, t)
-        waited = t - self._held_since > PATIENCE - _ROUNDING
-        stays = bool(self._error) or (waited if blocked else bool(dance.settled[own]))
-        command = commands[own] * (not held, 1.0)
-        return Decision(command, blocked, bool(dance.turn_held[own]), self._error, over, over and stays)
+        waited = t - self._held_since > HELD_PATIENCE - _ROUNDING
+        stays = bool(error) or (waited if blocked else bool(dance.settled[own]))
+        return Decision(command * (not held, 1.0), blocked, bool(dance.turn_held[own]), error, over, over and stays)
 
     def _in_the_way(self, speed: float) -> str:
         if not self.dance.blocked[self._own]:
             return ""
         return f"something {'in front of' if speed > 0 else 'behind'} it"
-
-    def _now(self, t: float, sensed: Sensed) -> Array | None:
-        """Return points where they are now, seen from the robot; as they came while it does not know where it is."""
-        if not np.isfinite(sensed.pose).all():
-            return sensed.points
-        self._history.add(t, sensed.pose[None])
-        if sensed.points is None:
-            return None
-        then = self._history.at(np.array([t - self._points_age]))[0]
-        if (then == sensed.pose).all():  # it stands: rounding shall not move points from cell to cell
-            return sensed.points
-        return act_inverse(sensed.pose, act(then, sensed.points))
 
 
 def origin_of(place: Array, pose: Array) -> Array:

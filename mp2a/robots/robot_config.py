@@ -14,7 +14,7 @@ _LARGEST = {
 }  # fmt: skip
 """What no ground robot here exceeds: Hz, s, m, m/s, rad/s, m/s², rad/s². Ours, against slips of the pen, with which a
 drive would take for ever, or a robot would drive on for long when it is lost."""
-MESSAGES = ("Twist", "TwistStamped")
+COMMAND_MESSAGES = ("Twist", "TwistStamped")
 POSES = ("tf", "odometry", "stamped")
 
 
@@ -105,7 +105,7 @@ class RobotConfig:
             elif field.type is str and (not isinstance(value, str) or value != "".join(value.split())):
                 raise InputError(f"{field.name}: got {value!r}, expected a name without blanks")
         self._check_largest()
-        for name, allowed in (("message", MESSAGES), ("pose", POSES)):
+        for name, allowed in (("message", COMMAND_MESSAGES), ("pose", POSES)):
             if getattr(self, name) not in allowed:
                 raise InputError(f"{name}: got {getattr(self, name)!r}, expected one of {', '.join(allowed)}")
         for name in ("command_topic", "odometry_topic"):

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from mp2a.dependencies import parse_toml
 from mp2a.exceptions import InputError
+from mp2a.file_kinds import read_text
 from mp2a.formation.robot_models import RobotModel
 from mp2a.robots.adapters import ADAPTERS
 from mp2a.robots.robot_config import ROBOT_CONFIGS, RobotConfig
@@ -67,18 +68,14 @@ def read_robots(path: str | Path, roles: Sequence[str]) -> RobotsFile:
         If the file cannot be read, a role is missing or unknown, or an entry is not what it has to be: the message
         names the file, the entry, what was given and what was expected.
     """
-    try:
-        text = Path(path).read_bytes().decode("utf-8")
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as a robots file ({error})") from error
-    robots = parse_robots(text, roles, str(path))
+    tables = parse_toml(read_text(path, "a robots file", "TOML"), str(path))
+    robots = robots_of(tables, roles, str(path))
     world, recording = (None if at is None else Path(path).parent / at for at in (robots.world, robots.recording))
     return robots._replace(world=world, recording=recording)
 
 
-def parse_robots(text: str, roles: Sequence[str], where: str = "robots") -> RobotsFile:
-    """Read robots from the text of a robots file; ``where`` is what errors call it."""
-    tables = parse_toml(text, where)
+def robots_of(tables: dict[str, Any], roles: Sequence[str], where: str = "robots") -> RobotsFile:
+    """Return the robots that the tables of a robots file are about; ``where`` is what errors call it."""
     robots = tables.pop("robots", {})
     if not isinstance(robots, dict) or not all(isinstance(entry, dict) for entry in robots.values()):
         raise InputError(f"{where}: robots: got {robots!r}, expected a table [robots.ROLE] for each role")

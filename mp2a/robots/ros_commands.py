@@ -3,9 +3,9 @@
 import time
 
 from mp2a.exceptions import DependencyError
-from mp2a.robots.publishers import Settings
 from mp2a.robots.ros_backend import open_backend
-from mp2a.robots.topics import COMMANDS
+from mp2a.robots.topics import COMMAND_TYPES
+from mp2a.robots.watchdog import Settings
 
 _CONNECT = 10.0
 """s for the robot to listen to the topic."""
@@ -21,8 +21,8 @@ class RosCommands:
     """
 
     def __init__(self, settings: Settings) -> None:
-        node = self._node = open_backend(settings["publisher"], f"watchdog_{settings['role']}")
-        kind = COMMANDS[settings["message"]]
+        node = self._node = open_backend(settings["backend"], f"watchdog_{settings['role']}")
+        kind = COMMAND_TYPES[settings["message"]]
         self._twist, self._vector = (node.message(f"geometry_msgs/msg/{name}") for name in ("Twist", "Vector3"))
         self._frame = settings["body_frame"] if settings["message"] == "TwistStamped" else None
         topic = settings["command_topic"]

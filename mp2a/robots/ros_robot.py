@@ -29,9 +29,9 @@ _STOPS = ("stop_front_topic", "stop_rear_topic")
 def make(config: AdapterConfig) -> AdapterResult:
     """Reach the robot of this process."""
     [role] = config.roles
-    robot_config = config.robots[role]
-    node = open_backend(config.adapter, role)
-    sender = Sender(robot_config, config.adapter, role=role) if config.armed else None
+    robot_config = config.file.configs[role]
+    node = open_backend(config.file.adapter, role)
+    sender = Sender(robot_config, config.file.adapter, role=role) if config.armed else None
     robot = RosRobot(node, robot_config, sender)
     return AdapterResult([robot], channel=lambda: RosChannel(node, robot_config.ready_topic))
 

@@ -27,10 +27,12 @@ class Sender:
     ----------
     config
         Of the robot.
+    backend
+        One of `mp2a.robots.ros_backend.BACKENDS`.
     publisher
-        One of `mp2a.robots.publishers.PUBLISHERS`.
+        What sends: module and class of a `mp2a.robots.watchdog.CommandPublisher`, loaded by the watchdog alone.
     more
-        Settings of that publisher alone.
+        Further settings for it.
 
     Raises
     ------
@@ -38,9 +40,12 @@ class Sender:
         If the watchdog cannot reach the robot; says why.
     """
 
-    def __init__(self, config: RobotConfig, publisher: str, **more: Any) -> None:
+    def __init__(
+        self, config: RobotConfig, backend: str, publisher: str = "mp2a.robots.ros_commands:RosCommands", **more: Any
+    ) -> None:
         limits = {"max_speed": config.model.max_speed, "max_turn_rate": config.model.max_turn_rate}
-        settings = {**asdict(config), **limits, **more, "publisher": publisher, "launcher": launcher_pid()}
+        settings = {**asdict(config), **limits, **more, "backend": backend, "publisher": publisher}
+        settings["launcher"] = launcher_pid()
         del settings["model"]
         self._process = start_child("mp2a.robots.watchdog", json.dumps(settings))
         if why := wait_until_ready(self._process):

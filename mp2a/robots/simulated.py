@@ -1,4 +1,4 @@
-"""Robots of the 2-D simulator behind the interface of real ones, in one process or a rank a robot."""
+"""Robots of the 2-D simulator, or ideal ones, behind the interface of real ones; in one process or a rank a robot."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -8,32 +8,27 @@ import numpy as np
 from mp2a.robots.adapters import AdapterConfig, AdapterResult
 from mp2a.robots.interface import Sensed
 from mp2a.simulator import Simulation, World, read_world
+from mp2a.simulator.ideal import IdealSimulation
 from mp2a.simulator.observation import Observation
+from mp2a.simulator.outcomes import touched
 from mp2a.spatial import Array
 
 if TYPE_CHECKING:
     from mp2a.mpi import MPI
 
-_SOLID = "a wall or an obstacle"
-
 
 def make(config: AdapterConfig) -> AdapterResult:
     """Make the simulation, and the robots of this process."""
-    roles = tuple(config.robots)
-    world = World() if config.world is None else read_world(config.world)
-    simulation = Simulation(world, [robot.model for robot in config.robots.values()], config.places)
+    file, roles = config.file, tuple(config.file.configs)
+    models = [robot.model for robot in file.configs.values()]
+    simulation: Simulation | IdealSimulation
+    if file.adapter == "dry":
+        simulation = IdealSimulation(models, config.places)
+    else:
+        world = World() if file.world is None else read_world(file.world)
+        simulation = Simulation(world, models, config.places)
     clock = SimulationClock(simulation, config.period, [roles.index(role) for role in config.roles], config.comm)
-
-    def touched() -> dict[str, list[str]]:
-        out: dict[str, dict[str, None]] = {role: {} for role in roles}  # each once, in the order of time
-        for collision in simulation.collisions:
-            other = None if collision.other is None else roles[collision.other]
-            out[roles[collision.robot]][other or _SOLID] = None
-            if other is not None:
-                out[other][roles[collision.robot]] = None
-        return {role: list(things) for role, things in out.items()}
-
-    return AdapterResult(clock.robots, clock, touched=touched)
+    return AdapterResult(clock.robots, clock, touched=lambda: touched(simulation, roles))
 
 
 class SimulationClock:
@@ -62,12 +57,16 @@ class SimulationClock:
     """
 
     def __init__(
-        self, simulation: Simulation, period: float, own: Sequence[int], comm: "MPI.Comm | None" = None
+        self,
+        simulation: Simulation | IdealSimulation,
+        period: float,
+        own: Sequence[int],
+        comm: "MPI.Comm | None" = None,
     ) -> None:
         self.simulation = simulation
         self._period, self._comm = period, comm
-        self._commands = np.zeros((len(simulation), 2))
         self.sensed: Observation = simulation.sense()
+        self._commands = np.zeros((len(self.sensed.poses), 2))
         self.robots = [SimulatedRobot(self, number) for number in own]
 
     def now(self) -> float:
@@ -84,32 +83,33 @@ class SimulationClock:
         if self._comm is not None:
             rows = self._comm.allgather((commands[self._comm.rank].tolist(), done))
             commands, done = np.array([row for row, _ in rows]), all(other for _, other in rows)
-        self.simulation.step(commands, self._period)
-        self.sensed = self.simulation.sense()
+        self.step(commands, self._period)
         return done
+
+    def step(self, commands: Array, dt: float) -> None:
+        """Simulate ``dt`` s with commands ``(n, 2)``."""
+        self.simulation.step(commands, dt)
+        self.sensed = self.simulation.sense()
 
 
 class SimulatedRobot:
     """One robot of a simulation."""
 
-    has_lidar = True
-
     def __init__(self, clock: SimulationClock, number: int) -> None:
         self._clock, self._number = clock, number
-        self.warnings: list[str | None] = []
+        self.has_lidar = bool(clock.sensed.points)
 
     def sense(self) -> Sensed:
         """Return what the simulator says."""
         seen, i = self._clock.sensed, self._number
-        return Sensed(seen.poses[i], seen.twists[i], seen.news[i])
+        return Sensed(seen.poses[i], seen.twists[i], seen.news[i] if seen.points else None)
 
     def send(self, command: Array) -> None:
         """Take a command for the next tick."""
         self._clock.give(self._number, command)
 
     def warn(self, text: str | None) -> None:
-        """Remember what would be said."""
-        self.warnings.append(text)
+        """Say nothing: nobody is there to hear it."""
 
     def close(self) -> None:
         """Stand."""

@@ -9,7 +9,7 @@ SYNC_TOPIC = "/sync"
 """Where robots find each other and agree when to start (thesis, chapter 3)."""
 EVENTS_TOPIC = "/mp2a/events"
 """Texts about what a robot comes into and leaves, in bags."""
-COMMANDS = {"Twist": "geometry_msgs/msg/Twist", "TwistStamped": "geometry_msgs/msg/TwistStamped"}
+COMMAND_TYPES = {"Twist": "geometry_msgs/msg/Twist", "TwistStamped": "geometry_msgs/msg/TwistStamped"}
 BOOL, CLOUD, STRING = "std_msgs/msg/Bool", "sensor_msgs/msg/PointCloud2", "std_msgs/msg/String"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
@@ -57,5 +57,5 @@ def bag_topics(config: "RobotConfig") -> tuple[Topic, ...]:
 
 def _commands(config: "RobotConfig") -> tuple[str, ...]:
     """Return both types of commands, the robot's own first."""
-    own = COMMANDS[config.message]
-    return (own, *(kind for kind in COMMANDS.values() if kind != own))
+    own = COMMAND_TYPES[config.message]
+    return (own, *(kind for kind in COMMAND_TYPES.values() if kind != own))

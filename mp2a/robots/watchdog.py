@@ -11,6 +11,7 @@ own, so that what ends the planner does not end it. If it is killed itself, noth
 own controller stops (HUSKY's after 0.25 s).
 """
 
+import importlib
 import json
 import math
 import os
@@ -19,12 +20,12 @@ import signal
 import struct
 import sys
 import time
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Protocol
 
 from mp2a.exceptions import DependencyError
 from mp2a.robots.child import READY
 from mp2a.robots.launcher import open_launcher
-from mp2a.robots.publishers import CommandPublisher, Settings, open_publisher
 
 COMMAND = struct.Struct("<dd")
 """A command on the pipe; not a number: the planner has come to its end."""
@@ -33,6 +34,22 @@ ENDED, PLANNER_GONE, STALLED, SIGNALLED, LAUNCHER_GONE = 0, 3, 4, 5, 6
 _ZERO_FOR = 0.5
 """s for which zero is sent before the end."""
 _PIPE = 4096
+
+Settings = Mapping[str, Any]
+"""Fields of `mp2a.robots.robot_config.RobotConfig` by name, and what `mp2a.robots.sender.Sender` adds."""
+
+
+class CommandPublisher(Protocol):
+    """Sends commands to one robot."""
+
+    def send(self, speed: float, turn_rate: float) -> None:
+        """Publish a command, m/s and rad/s."""
+
+    def human(self) -> bool:
+        """Return whether a human drives the robot at present."""
+
+    def close(self) -> None:
+        """Let go of the robot."""
 
 
 class PlannerInput(NamedTuple):
@@ -55,7 +72,8 @@ def main() -> int:
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda got, _frame: signalled.append(got))
     try:
-        publisher = open_publisher(settings)
+        module, _, name = settings["publisher"].partition(":")
+        publisher: CommandPublisher = getattr(importlib.import_module(module), name)(settings)
     except (DependencyError, ImportError) as error:
         sys.stdout.write(f"{error}\n")
         return 1

@@ -1,11 +1,9 @@
 """Robots of a simulation that follow a choreography."""
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from mp2a.formation.choreography.runner import Choreography
-from mp2a.formation.constants import LOST_POSES, QUEUE_RESET_RATIO, TICK
-from mp2a.se2 import act_inverse
+from mp2a.formation.constants import QUEUE_RESET_RATIO, TICK
 from mp2a.simulator.driver import Ending, SimulationDriver
 from mp2a.simulator.observation import Observation
 from mp2a.spatial import Array
@@ -15,7 +13,7 @@ _STILL = 0.02
 
 
 class ChoreographySimulationDriver(SimulationDriver):
-    """Drives some robots of a choreography, all of them or those of one rank.
+    """Drives the robots of a choreography that are here, all of them or those of one rank.
 
     Every robot has a copy of the choreography; of the others it knows what its LIDAR sees, and of the leaders what the
     choreography's exchange tells.
@@ -24,13 +22,11 @@ class ChoreographySimulationDriver(SimulationDriver):
     ----------
     choreography
         One that has not begun yet.
-    robots
-        Numbers of those here; None: all.
     """
 
-    def __init__(self, choreography: Choreography, robots: ArrayLike | None = None) -> None:
+    def __init__(self, choreography: Choreography) -> None:
         self.choreography = choreography
-        super().__init__(np.arange(len(choreography.robots)) if robots is None else np.asarray(robots))
+        super().__init__(choreography.here)
         self._stands = False
         self._leader_places: list[Array] = []
 
@@ -48,13 +44,15 @@ class ChoreographySimulationDriver(SimulationDriver):
         return Ending(
             dance.state.expected[-1, mine],  # on their lanes, which bend where the leader has turned
             dance.ended[mine],
-            tuple(self._error(i) for i in mine),
+            tuple(map(dance.state.errors.cause, mine)),
             np.where(dance.blocked[mine], direction, 0),
+            np.array(self.leaders),
+            self._leader_paths(),
+            self.events,
         )
 
-    @property
-    def leader_paths(self) -> list[Array]:
-        """Ways ``(k, 2)`` m of the virtual leaders so far; a new leader begins a new line."""
+    def _leader_paths(self) -> list[Array]:
+        """Return the ways ``(k, 2)`` m of the virtual leaders so far; a new leader begins a new line."""
         if not self._leader_places:
             return []
         ways = np.moveaxis(np.array(self._leader_places), 1, 0)
@@ -68,27 +66,13 @@ class ChoreographySimulationDriver(SimulationDriver):
     def step(self, sensed: Observation) -> Array:
         """Return the commands ``(m, 2)`` of the robots here for what they know; m/s and rad/s."""
         dance, mine = self.choreography, self.robots
-        n = len(dance.robots)
         self._stands = bool((np.abs(sensed.twists[:, 0]) < _STILL).all())
-        ground, whose = self._on_ground(sensed)
-        now = act_inverse(sensed.poses[whose], ground)
-        points: list[Array | None] = [np.empty((0, 2))] * n
-        for k, i in enumerate(mine):
-            points[i] = now[whose == k] if sensed.new[k] else None
-        poses, twists = np.full((n, 3), np.nan), np.zeros((n, 2))
-        poses[mine], twists[mine] = sensed.poses, sensed.twists
-        commands = dance.step(sensed.time, poses, twists, points)
+        commands = dance.step(sensed.time, sensed.poses, sensed.twists, sensed.news or None, sensed.stamps)
         state, leaders = dance.state, dance.state.leaders
         behind, fine = -leaders.slot[:, 0], ~state.errors.failed
         self.leaders.append(np.column_stack((leaders.points, behind))[mine])
         self._leader_places.append(leaders.pose[:, :2])
         far = state.gap_error > (QUEUE_RESET_RATIO - 1) * behind
-        states = (state.errors.failed, dance.blocked & fine, np.zeros(n, dtype=bool), far & fine)
+        states = (~fine, dance.blocked & fine, np.zeros_like(fine), far & fine)
         self.events += self._changes.events(sensed.time, sensed.poses, [which[mine] for which in states])
-        return commands[mine]
-
-    def _error(self, robot: int) -> str:
-        errors = self.choreography.state.errors
-        if not errors.failed[robot]:
-            return ""
-        return "its pose was lost" if errors.lost_poses[robot] >= LOST_POSES else "its LIDAR was silent"
+        return commands

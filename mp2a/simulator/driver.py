@@ -1,20 +1,20 @@
 """What drives simulated robots: the part that a choreography and a march by dynamics share."""
 
 from collections.abc import Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.formation.pose_history import PoseHistory
-from mp2a.se2 import act
+from mp2a.formation.record import FormationRecord, join_records
 from mp2a.simulator.events import RobotEvent, StateChanges
 from mp2a.simulator.observation import Observation
 from mp2a.spatial import Array
 
 
 class Ending(NamedTuple):
-    """What the m robots of a process know of their own end."""
+    """What is known of the end of m robots, and what their driver leaves behind."""
 
     places: Array
     """``(m, 2)``: where they are to be, m in the ground frame."""
@@ -24,13 +24,24 @@ class Ending(NamedTuple):
     """What brought each into its error state; empty if it is not in it."""
     blocked: NDArray[np.intp]
     """``(m,)``: 1 if a stop signal keeps it from driving forwards, -1 backwards, 0 if none does."""
+    leaders: Array
+    """``(T, m, 3)``, see `SimulationDriver`."""
+    leader_paths: list[Array]
+    """Lines ``(k, 2)`` m of the leaders' ways that are known in this process."""
+    events: list[RobotEvent]
+    """See `SimulationDriver`."""
+    record: FormationRecord | None = None
+    """Of a march by dynamics."""
 
     @classmethod
     def of_all(cls, parts: "Sequence[Ending]") -> "Ending":
-        """Join what the robots of all processes know, in the order of the robots."""
-        places, over, errors, blocked = zip(*parts, strict=True)
-        causes = tuple(cause for own in errors for cause in own)
-        return cls(np.concatenate(places), np.concatenate(over), causes, np.concatenate(blocked))
+        """Join the endings of all processes, in the order of the robots."""
+        places, over, errors, blocked, leaders, paths, events, records = zip(*parts, strict=True)
+        return cls(
+            np.concatenate(places), np.concatenate(over), tuple(chain(*errors)), np.concatenate(blocked),
+            np.concatenate(leaders, axis=1), paths[0], list(chain(*events)),
+            join_records([record for record in records if record is not None]) if records[0] is not None else None,
+        )  # fmt: skip
 
 
 class SimulationDriver:
@@ -55,7 +66,6 @@ class SimulationDriver:
         self.robots = robots
         self.events: list[RobotEvent] = []
         self.leaders: list[Array] = []
-        self._history = PoseHistory(len(robots))
         self._changes = StateChanges(robots)
 
     @property
@@ -65,12 +75,7 @@ class SimulationDriver:
 
     @property
     def ending(self) -> Ending:
-        """Where the robots here stand with what they are to do."""
-        raise NotImplementedError
-
-    @property
-    def leader_paths(self) -> list[Array]:
-        """Lines ``(k, 2)`` m of the leaders' ways that are known in this process."""
+        """How it ends for the robots here, as things stand."""
         raise NotImplementedError
 
     def step(self, sensed: Observation) -> Array:
@@ -81,9 +86,3 @@ class SimulationDriver:
         """Do a step, and return None instead of commands once the robots are `done`: a `Controller`."""
         commands = self.step(sensed)
         return None if self.done else commands
-
-    def _on_ground(self, sensed: Observation) -> tuple[Array, NDArray[np.intp]]:
-        """Return points ``(k, 2)`` m in the ground frame, by where robots were at the time of the scan, and whose."""
-        self._history.add(sensed.time, sensed.poses)
-        whose = np.repeat(np.arange(len(self.robots)), [len(points) for points in sensed.points])
-        return act(self._history.at(sensed.stamps)[whose], np.concatenate(sensed.points)), whose

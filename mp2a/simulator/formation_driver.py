@@ -4,15 +4,14 @@ from typing import Any
 
 import numpy as np
 
-from mp2a.formation import tracking
 from mp2a.formation.constants import MOST_TEAMMATES
 from mp2a.formation.controller import FormationController
 from mp2a.formation.pose_history import PoseHistory
-from mp2a.formation.record import FormationRecord, row
-from mp2a.formation.robot_models import RobotModel
+from mp2a.formation.record import FormationRecord, record_row
+from mp2a.formation.robot_models import Fleet, RobotModel
 from mp2a.formation.safety import safe_commands, stop_signals
-from mp2a.formation.sensing import pack
-from mp2a.formation.teammates import is_obstacle
+from mp2a.formation.sensing import is_obstacle, pack
+from mp2a.formation.tracking import track
 from mp2a.se2 import act, act_inverse, compose, inverse
 from mp2a.simulator.driver import Ending, SimulationDriver
 from mp2a.simulator.observation import Observation
@@ -44,8 +43,9 @@ class FormationSimulationDriver(SimulationDriver):
     def __init__(self, march: FormationController, model: RobotModel) -> None:
         self.march = march
         super().__init__(march.exchange.robots)
-        self._model = model
-        self._mates = PoseHistory(self._teammates().shape[0] * self._teammates().shape[1])
+        self._fleet = Fleet.of([model] * len(self.robots))
+        self._history = PoseHistory.empty(len(self.robots))
+        self._mates = PoseHistory.empty(self._teammates()[..., 0].size)
         self._rows: list[tuple[Any, ...]] = []
         self._stopped = np.zeros(len(self.robots), dtype=np.intp)
 
@@ -59,12 +59,15 @@ class FormationSimulationDriver(SimulationDriver):
         """Where the robots here stand with their march; where the path is not known it counts as over."""
         state, path = self.march.state, self.march.path
         over = path is None or (state.ticks - state.departure) * self.march.tick >= path.duration
-        errors = tuple("its LIDAR was silent" if failed else "" for failed in state.errors.failed)
-        return Ending(self._places()[:, :2], np.full(len(self.robots), over), errors, self._stopped)
+        here = range(len(self.robots))
+        errors, over_all = tuple(map(state.errors.cause, here)), np.full(len(here), over)
+        return Ending(
+            self._places()[:, :2], over_all, errors, self._stopped, np.array(self.leaders), self._leader_paths(),
+            self.events, self.record,
+        )  # fmt: skip
 
-    @property
-    def leader_paths(self) -> list[Array]:
-        """The leader's path ``(k, 2)`` m, in its process."""
+    def _leader_paths(self) -> list[Array]:
+        """Return the leader's path ``(k, 2)`` m, in its process."""
         path = self.march.path
         if path is None:
             return []
@@ -73,25 +76,26 @@ class FormationSimulationDriver(SimulationDriver):
 
     def step(self, sensed: Observation) -> Array:
         """Return the commands ``(m, 2)`` of the robots here for what they know; m/s and rad/s."""
-        here, model, m = sensed.poses, self._model, len(self.robots)
+        here, fleet, m = sensed.poses, self._fleet, len(self.robots)
         mates = self._teammates()
-        self._mates.add(sensed.time, mates.reshape(-1, 3))
-        ground, whose = self._on_ground(sensed)
-        sizes = np.full(m, model.length), np.full(m, model.width)
-        signals = stop_signals(act_inverse(here[whose], ground), whose, *sizes)
+        self._history = self._history.add(sensed.time, here)
+        self._mates = self._mates.add(sensed.time, mates.reshape(-1, 3))
+        whose = np.repeat(np.arange(m), [len(points) for points in sensed.points])
+        ground = act(self._history.at(sensed.stamps)[whose], np.concatenate(sensed.points))
+        signals = stop_signals(act_inverse(here[whose], ground), whose, fleet.length, fleet.width)
 
         then = self._mates.at(np.repeat(sensed.stamps, mates.shape[1])).reshape(mates.shape)[..., :2]
-        reach = np.full(mates.shape[:2], np.hypot(model.length, model.width) / 2 + _SLACK)
+        reach = np.broadcast_to(fleet.radius[:, None] + _SLACK, mates.shape[:2])
         counts = is_obstacle(ground, whose, then, then, reach)
         local = act_inverse(self.march.state.pose[whose], ground)
         clouds = [local[counts & (whose == k)] if sensed.new[k] else None for k in range(m)]
         setpoints = self.march.step(pack(clouds))
         report = self.march.report
         assert report is not None
-        self._rows.append(row(sensed.time, self.march, setpoints))
+        self._rows.append(record_row(sensed.time, self.march, setpoints))
 
         failed = setpoints.failed
-        raw = tracking.commands(setpoints.pose, report.scan.motion.velocity, here)
+        raw = track(setpoints.pose, report.scan.motion.velocity, here)
         stopped = signals.blocked(raw)
         self._stopped = np.where(stopped, np.sign(raw[:, 0]), 0).astype(np.intp)
         self.leaders.append(np.column_stack((setpoints.pose[:, :2], np.zeros(m))))
@@ -100,7 +104,7 @@ class FormationSimulationDriver(SimulationDriver):
         lost = np.hypot(*(setpoints.pose - here)[:, :2].T) > _LOST
         states = (failed, stopped & ~failed, distance < self.march.law.radius, lost & ~failed)
         self.events += self._changes.events(sensed.time, here, states)
-        return safe_commands(raw, np.array([model.max_speed, model.max_turn_rate]), signals, failed)
+        return safe_commands(raw, fleet.fastest, signals, failed)
 
     def _places(self) -> Array:
         """Return where the robots here were to be if obstacles did not push them, ``(m, 3)``."""

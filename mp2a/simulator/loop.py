@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from mp2a.checks import positive
 from mp2a.exceptions import InputError
+from mp2a.simulator.ideal import IdealSimulation
 from mp2a.simulator.observation import Observation
 from mp2a.simulator.recording import RunRecorder
 from mp2a.simulator.simulation import Simulation
@@ -19,7 +20,7 @@ Controller = Callable[[Observation], ArrayLike | None]
 
 
 def simulate(
-    simulation: Simulation,
+    simulation: Simulation | IdealSimulation,
     controller: Controller,
     until: float,
     recorder: RunRecorder | None = None,

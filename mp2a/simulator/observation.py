@@ -18,7 +18,8 @@ class Observation(NamedTuple):
     twists: Array
     """``(n, 2)`` m/s and rad/s."""
     points: list[Array]
-    """n arrays ``(k, 2)`` m: the latest scan that has arrived, in the robot's own frame at the time of the scan."""
+    """n arrays ``(k, 2)`` m: the latest scan that has arrived, in the robot's own frame at the time of the scan. Empty,
+    as all that follows is, of robots without LIDAR."""
     stamps: Array
     """``(n,)`` s: when that scan was taken."""
     arrivals: Array

@@ -5,6 +5,7 @@ Robots tell each other nothing by it.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +17,6 @@ from mp2a.simulator.observation import Observation
 from mp2a.spatial import Array
 from mp2a.transport.agreement import raise_together
 from mp2a.transport.wait import wait
-
-_ROW = 11
-"""Numbers of what a robot knows: whether the run is over, time, pose, twist, stamp, arrival, new, number of points."""
-_REPLY = 4
-"""Command, whether the robot is done, and whether something is wrong with it."""
 
 _Run = Callable[[Controller], None]
 """Run a simulation with a controller."""
@@ -46,37 +42,47 @@ def simulate_over_ranks(comm: MPI.Intracomm, robot: SimulationDriver, run: _Run 
     """
     wrong: InputError | None = None
     if run is None:
-        while (sensed := _receive(comm)) is not None:
-            reply, wrong = _reply(robot, sensed)
-            wait(comm.Igather(reply, None, 0))
+        while (own := _when_all_are_there(comm, comm.scatter, None)) is not None:
+            reply, wrong = _reply(robot, own)
+            _when_all_are_there(comm, comm.gather, reply)
         _end(comm, wrong)
         return
 
     def everyone(sensed: Observation) -> Array | None:
         nonlocal wrong
-        own = _send(comm, sensed)
-        replies = np.empty((comm.size, _REPLY))
-        reply, wrong = _reply(robot, own)
-        wait(comm.Igather(reply, replies, 0))
-        return None if replies[:, 2].all() or replies[:, 3].any() else replies[:, :2]
+        parts = [_part(sensed, number) for number in range(comm.size)]
+        reply, wrong = _reply(robot, _when_all_are_there(comm, comm.scatter, parts))
+        commands, done, failed = zip(*_when_all_are_there(comm, comm.gather, reply), strict=True)
+        return None if all(done) or any(failed) else np.array(commands)
 
     try:
         run(everyone)
     except InputError as error:
         wrong = wrong or error
     finally:
-        over = np.zeros((comm.size, _ROW))
-        over[:, 0] = 1
-        wait(comm.Iscatter(over, np.empty(_ROW), 0))
+        _when_all_are_there(comm, comm.scatter, [None] * comm.size)
     _end(comm, wrong)
 
 
-def _reply(robot: SimulationDriver, sensed: Observation) -> tuple[Array, InputError | None]:
+def _when_all_are_there(comm: MPI.Intracomm, call: Callable[[Any], Any], value: Any) -> Any:
+    """Make a collective call once nobody has to be waited for with a busy core."""
+    wait(comm.Ibarrier())
+    return call(value)
+
+
+def _part(sensed: Observation, robot: int) -> Observation:
+    """Return what one robot knows."""
+    one = slice(robot, robot + 1)
+    return Observation._make((sensed.time, *(values[one] for values in sensed[1:])))
+
+
+def _reply(robot: SimulationDriver, own: Observation) -> tuple[tuple[Array, bool, bool], InputError | None]:
+    """Return the command, whether the robot is done, and whether something is wrong with it; and what is."""
     try:
-        command = robot.step(sensed)[0]
+        command = robot.step(own)[0]
     except InputError as error:
-        return np.array([0.0, 0.0, 0.0, 1.0]), error
-    return np.array([*command, float(robot.done), 0.0]), None
+        return (np.zeros(2), False, True), error
+    return (command, robot.done, False), None
 
 
 def _end(comm: MPI.Intracomm, wrong: InputError | None) -> None:
@@ -85,30 +91,3 @@ def _end(comm: MPI.Intracomm, wrong: InputError | None) -> None:
     if wrong is not None and len(set(texts)) == 1:
         raise wrong  # the robots have agreed on it already
     raise_together(comm, wrong)
-
-
-def _send(comm: MPI.Intracomm, sensed: Observation) -> Observation:
-    counts = np.array([len(points) for points in sensed.points])
-    times = np.tile([0.0, sensed.time], (comm.size, 1))
-    scans = np.column_stack((sensed.stamps, sensed.arrivals, sensed.new, counts))
-    rows = np.column_stack((times, sensed.poses, sensed.twists, scans))
-    wait(comm.Iscatter(rows, np.empty(_ROW), 0))
-    points = np.ascontiguousarray(np.concatenate(sensed.points), dtype=float)
-    own = np.empty((counts[0], 2))
-    wait(comm.Iscatterv([points, 2 * counts, None, MPI.DOUBLE], own, 0))
-    return _observation(rows[0], own)
-
-
-def _receive(comm: MPI.Intracomm) -> Observation | None:
-    row = np.empty(_ROW)
-    wait(comm.Iscatter(None, row, 0))
-    if row[0]:
-        return None
-    own = np.empty((int(row[10]), 2))
-    wait(comm.Iscatterv(None, own, 0))
-    return _observation(row, own)
-
-
-def _observation(row: Array, points: Array) -> Observation:
-    one = row[None]
-    return Observation(float(row[1]), one[:, 2:5], one[:, 5:7], [points], one[:, 7], one[:, 8], one[:, 9] > 0)

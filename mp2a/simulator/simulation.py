@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mp2a.checks import array, between, count, numbers, positive
+from mp2a.checks import array, between, count, positive
 from mp2a.exceptions import InputError
-from mp2a.formation.robot_models import RobotModel
+from mp2a.formation.robot_models import Fleet, RobotModel
 from mp2a.simulator.contacts import Contacts
 from mp2a.simulator.events import SOLID, EventKind, RobotEvent
 from mp2a.simulator.lidar import Lidar, ranges, scan_points
@@ -102,13 +102,11 @@ class Simulation:
         self.time = 0.0
         self.twists: Array = np.zeros((n, 2))
         self.collisions: list[RobotEvent] = []
-        self._fastest = np.array([(m.max_speed, m.max_turn_rate) for m in self.models])
-        self._most = np.array([(m.max_acceleration, m.max_turn_acceleration) for m in self.models])
-        self._lengths, self._widths = np.array([(m.length, m.width) for m in self.models]).T
+        self._fleet = fleet = Fleet.of(self.models)
         # Nobody drives farther than a quarter of its narrower side in a step, so that none passes through another.
-        quarter = np.minimum(self._lengths, self._widths) / 4
-        self._step = min(_LONGEST_STEP, float(np.min(quarter / self._fastest[:, 0])))
-        self._contacts = Contacts(world, self._lengths, self._widths)
+        quarter = np.minimum(fleet.length, fleet.width) / 4
+        self._step = min(_LONGEST_STEP, float(np.min(quarter / fleet.max_speed)))
+        self._contacts = Contacts(world, fleet.length, fleet.width)
         self._refuse_overlap()
         self._last_met: dict[tuple[int, int], float] = {}
         self._commands: Array = np.zeros((n, 2))
@@ -190,9 +188,7 @@ class Simulation:
             self._scan()
 
     def _hear(self, commands: ArrayLike) -> None:
-        given = numbers("commands", commands)
-        if given.shape != (len(self), 2):
-            raise InputError(f"commands: got shape {given.shape}, expected {(len(self), 2)}")
+        given = array("commands", commands, (len(self), 2), finite=False)
         none = np.isnan(given)
         bad = np.isinf(given).any(axis=1) | (none[:, 0] != none[:, 1])
         if bad.any():
@@ -206,9 +202,9 @@ class Simulation:
 
     def _advance(self, dt: float) -> None:
         obeyed = (self.time - self._heard <= self._timeout + _SLACK)[:, None]
-        targets = np.where(obeyed, np.clip(self._commands, -self._fastest, self._fastest), 0.0)
+        targets = np.where(obeyed, np.clip(self._commands, -self._fleet.fastest, self._fleet.fastest), 0.0)
         targets[:, 1] *= self._slip.ratio(self.twists[:, 0])
-        motion = respond(self.twists, targets, self._most, dt)
+        motion = respond(self.twists, targets, self._fleet.accelerations, dt)
         self.poses, blocked, pairs = self._contacts.advance(self.poses, motion.mean, dt)
         self.twists = np.where(blocked[:, None], 0.0, motion.end)
         for robot, other in pairs.tolist():
@@ -238,7 +234,7 @@ class Simulation:
         return self.poses.copy() if back <= _SLACK or self.time <= 0 else drive_arcs(self.poses, self.twists, -back)
 
     def _look(self, scan: _Scan) -> list[Array]:
-        measured = ranges(self.lidar, scan.poses, self._lengths, self._widths, self.world.segments)
+        measured = ranges(self.lidar, scan.poses, self._fleet.length, self._fleet.width, self.world.segments)
         if self.lidar.noise:
             # Numbered from 1 at the first scan, so that noise does not depend on who senses when.
             number = scan.number + int(np.ceil(self.lidar.delay / self.lidar.period - _SLACK))

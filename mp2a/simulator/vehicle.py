@@ -72,10 +72,15 @@ def respond(twists: Array, targets: Array, most: Array, dt: float) -> Response:
     Response
         Mean over the time and value at its end, exact for constant acceleration until the target is reached.
     """
-    missing = targets - twists
-    time = np.minimum(np.abs(missing) / most, dt)
-    end = np.where(time < dt, targets, twists + np.sign(missing) * most * dt)
+    time = np.minimum(np.abs(targets - twists) / most, dt)
+    end = speeds_after(twists, targets, most, dt)
     return Response(((twists + end) / 2 * time + end * (dt - time)) / dt, end)
+
+
+def speeds_after(twists: Array, targets: Array, most: Array, dt: float) -> Array:
+    """Return the speeds ``(n, 2)`` after ``dt`` s in which they approach their targets with limited acceleration."""
+    change = most * dt
+    return twists + np.clip(targets - twists, -change, change)
 
 
 def drive_arcs(poses: Array, twists: Array, dt: float | Array) -> Array:

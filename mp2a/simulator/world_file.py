@@ -2,36 +2,20 @@
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from inspect import signature
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from mp2a.dependencies import parse_toml
 from mp2a.exceptions import InputError
-from mp2a.file_kinds import kind_of_file
+from mp2a.file_kinds import read_text
 from mp2a.simulator.world import FARTHEST, World, box, disc
 
 _MOST_SIDES = 360
 _LEAST = 1e-3
 """m"""
-
-
-class _Kind(NamedTuple):
-    """One kind of entry: its corners from its fields, and whether it is solid."""
-
-    corners: Callable[..., Any]
-    fields: Mapping[str, "_Field"]
-    solid: bool
-
-
-class _Field(NamedTuple):
-    """What a field has to be."""
-
-    expected: str
-    fits: Callable[[Any], bool]
-    default: Any = None
-    """None: the field is needed."""
 
 
 def read_world(path: str | Path) -> World:
@@ -53,13 +37,7 @@ def read_world(path: str | Path) -> World:
         If the file cannot be read, is not TOML, or an entry is not what it has to be: the message names the file,
         the entry, what was given and what was expected.
     """
-    try:
-        text = Path(path).read_bytes().decode("utf-8")
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"{path}: cannot be read as a world file: it is {kind_of_file(path)}, expected TOML"
-        ) from error
-    return parse_world(text, str(path))
+    return parse_world(read_text(path, "a world file", "TOML"), str(path))
 
 
 def parse_world(text: str, where: str = "world") -> World:
@@ -71,31 +49,31 @@ def parse_world(text: str, where: str = "world") -> World:
     walls: list[Any] = []
     obstacles: list[Any] = []
     for word, entries in tables.items():
-        kind = _KINDS.get(word)
-        if kind is None:
+        if word not in _KINDS:
             raise InputError(f"{where}: got {word!r}, expected 'name' or {_either(_KINDS)}")
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
             raise InputError(f"{where}: {word}: got {_short(entries)}, expected tables, each under [[{word}]]")
+        make, solid = _KINDS[word]
         for number, entry in enumerate(entries, start=1):
-            corners = _entry(kind, entry, f"{where}: {word} {number}")
-            (obstacles if kind.solid else walls).append(corners)
+            (obstacles if solid else walls).append(_corners_of(make, solid, entry, f"{where}: {word} {number}"))
     return World(walls, obstacles, name)
 
 
-def _entry(kind: _Kind, entry: Mapping[str, Any], where: str) -> Any:
+def _corners_of(make: Callable[..., Any], solid: bool, entry: Mapping[str, Any], where: str) -> Any:
+    """Return the corners that a function makes of an entry, whose fields are the function's parameters."""
+    parameters = signature(make).parameters
     for name in entry:
-        if name not in kind.fields:
-            raise InputError(f"{where}: got {name!r}, expected {_either(kind.fields)}")
-    values = {}
-    for name, field in kind.fields.items():
-        values[name] = entry.get(name, field.default)
-        if values[name] is None:
+        if name not in parameters:
+            raise InputError(f"{where}: got {name!r}, expected {_either(parameters)}")
+    for name, parameter in parameters.items():
+        expected, fits = _FIELDS[name]
+        if name not in entry and parameter.default is parameter.empty:
             raise InputError(f"{where}: {name}: got nothing, expected it to be given")
-        if not field.fits(values[name]):
-            raise InputError(f"{where}: {name}: got {_short(values[name])}, expected {field.expected}")
-    corners = kind.corners(*values.values())
+        if name in entry and not fits(entry[name]):
+            raise InputError(f"{where}: {name}: got {_short(entry[name])}, expected {expected}")
+    corners = make(**entry)
     try:
-        World(obstacles=[corners]) if kind.solid else World(walls=[corners])
+        World(obstacles=[corners]) if solid else World(walls=[corners])
     except InputError as error:
         raise InputError(f"{where}: {str(error).partition(': ')[2]}") from error
     return corners
@@ -117,9 +95,13 @@ def _is_count_of_sides(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and 3 <= value <= _MOST_SIDES
 
 
-def _room(centre: tuple[float, float], size: tuple[float, float], heading: float) -> Any:
+def _room(centre: tuple[float, float], size: tuple[float, float], heading: float = 0.0) -> Any:
     corners = box(centre, size, heading)
     return np.concatenate((corners, corners[:1]))
+
+
+def _line(points: Any) -> Any:
+    return points
 
 
 def _either(words: Mapping[str, Any]) -> str:
@@ -134,17 +116,18 @@ def _short(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-_POINT = _Field(f"two coordinates [x, y] of at most {FARTHEST:g} m", _are_two)
-_POINTS = _Field(f"a list of points [[x, y], [x, y], …] of at most {FARTHEST:g} m", _are_points)
-_SIZE = _Field(f"two lengths [along x, along y] from {_LEAST:g} to {FARTHEST:g} m", partial(_are_two, least=_LEAST))
-_RADIUS = _Field(f"a length from {_LEAST:g} to {FARTHEST:g} m", partial(_is_number, least=_LEAST))
-_HEADING = _Field(f"a number of at most {FARTHEST:g}", _is_number, 0.0)
-_SIDES = _Field(f"a whole number from 3 to {_MOST_SIDES}", _is_count_of_sides, 32)
-_RECTANGLE = {"centre": _POINT, "size": _SIZE, "heading": _HEADING}
-_KINDS = {
-    "room": _Kind(_room, _RECTANGLE, solid=False),
-    "wall": _Kind(list, {"points": _POINTS}, solid=False),
-    "box": _Kind(box, _RECTANGLE, solid=True),
-    "disc": _Kind(disc, {"centre": _POINT, "radius": _RADIUS, "sides": _SIDES}, solid=True),
-    "polygon": _Kind(list, {"points": _POINTS}, solid=True),
-}
+_FIELDS: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    "centre": (f"two coordinates [x, y] of at most {FARTHEST:g} m", _are_two),
+    "points": (f"a list of points [[x, y], [x, y], …] of at most {FARTHEST:g} m", _are_points),
+    "size": (
+        f"two lengths [along x, along y] from {_LEAST:g} to {FARTHEST:g} m", partial(_are_two, least=_LEAST)
+    ),
+    "radius": (f"a length from {_LEAST:g} to {FARTHEST:g} m", partial(_is_number, least=_LEAST)),
+    "heading": (f"a number of at most {FARTHEST:g}", _is_number),
+    "sides": (f"a whole number from 3 to {_MOST_SIDES}", _is_count_of_sides),
+}  # fmt: skip
+"""Every field of an entry: what is expected, and whether a value is that."""
+_KINDS: dict[str, tuple[Callable[..., Any], bool]] = {
+    "room": (_room, False), "wall": (_line, False), "box": (box, True), "disc": (disc, True), "polygon": (_line, True),
+}  # fmt: skip
+"""Every kind of entry: what makes its corners of its fields, and whether it is solid."""

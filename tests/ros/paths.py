@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from mp2a.formation.choreography.ideal import run as ideal_run
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY
 from mp2a.se2 import compose
+from mp2a.simulator.scenario_run import run as ideal_run
 
 COLUMN = """robots R1 R2 R3 R4
 column R1;R2;R3;R4 2 0

@@ -70,8 +70,8 @@ def drive(text, lidar, seed, longest=60.0):
     open_world()
     robots = [InPhysics(Husky(*place), lidar, rng) for place in Choreography(scenario, HUSKY).slot_poses()]
     drivers = [
-        Driver(role, robot, HERE, ChoreographyPlanner(Choreography(scenario, HUSKY), role, lidar, HERE.points_age))
-        for role, robot in zip(scenario.robots, robots, strict=True)
+        Driver(role, robot, HERE, ChoreographyPlanner(Choreography(scenario, HUSKY, here=[i]), lidar, HERE.points_age))
+        for i, (role, robot) in enumerate(zip(scenario.robots, robots, strict=True))
     ]
     ticks = {role: [] for role in scenario.robots}
     began, done = round(1 / STEP), set()  # a second to come to rest on the floor, and for points

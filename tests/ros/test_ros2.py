@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mp2a.formation.choreography.ideal import run
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.robot_models import HUSKY
 from mp2a.robots import sound
 from mp2a.robots.ticks import COLUMNS
+from mp2a.simulator.scenario_run import run
 
 pytestmark = pytest.mark.ros
 ROOT = Path(__file__).parents[2]

@@ -5,13 +5,14 @@ from _formation import COMM, RANK, SIZE, Checks
 
 import mp2a
 from mp2a.formation import MPIExchange
-from mp2a.formation.choreography.ideal import obey, run
 from mp2a.formation.choreography.leader_broadcast import planar_chain
 from mp2a.formation.choreography.reading import parse
 from mp2a.formation.choreography.runner import Choreography
 from mp2a.formation.constants import TICK
-from mp2a.formation.robot_models import HUSKY
+from mp2a.formation.robot_models import HUSKY, Fleet
 from mp2a.methods import METHODS
+from mp2a.simulator.ideal import obey
+from mp2a.simulator.scenario_run import run
 
 check = Checks()
 
@@ -40,16 +41,15 @@ for method in METHODS:
         show = Choreography(scenario, HUSKY, exchange=MPIExchange(ranks))
         check((show.state.course is None) == (RANK > 0))
         # What the others do is not known here: one's own pose goes in, one's own command comes out.
-        poses, twists = np.full((SIZE, 3), np.nan), np.zeros((SIZE, 2))
-        poses[RANK] = show.slot_poses()[RANK]
+        one = Fleet.of([HUSKY])
+        poses, twists = show.slot_poses()[[RANK]], np.zeros((1, 2))
         sent, worst = sum(ranks.transport.messages.values()), 0.0
         for tick in range(len(expected.time)):
-            worst = max(worst, np.abs(poses[RANK] - expected.poses[tick, RANK]).max())
+            worst = max(worst, np.abs(poses[0] - expected.poses[tick, RANK]).max())
             commands = show.step(tick * TICK, poses, twists, None)
-            worst = max(worst, np.abs(commands[RANK] - expected.commands[tick, RANK]).max())
+            worst = max(worst, np.abs(commands[0] - expected.commands[tick, RANK]).max())
             check((show.state.course is None) == (RANK > 0))
-            moved = obey(show.fleet, poses, twists, commands)
-            poses[RANK], twists[RANK] = moved[0][RANK], moved[1][RANK]
+            poses, twists = obey(one, poses, twists, commands, TICK)
         check(worst < 1e-9, method, worst)
         check(bool((show.ended & show.settled)[RANK]))
         count = ranks.schedule.count(METHODS[method].doubles).total
@@ -62,5 +62,5 @@ for method in METHODS:
         except mp2a.InputError as error:
             text = str(error)
         check(len(set(COMM.allgather(text))) == 1 and f"rank {SIZE - 1}: poses: got shape" in text, text)
-        check(np.isfinite(show.step(tick * TICK + TICK, poses, twists, None)[RANK]).all())
+        check(np.isfinite(show.step(tick * TICK + TICK, poses, twists, None)).all())
 check.done()

@@ -52,7 +52,7 @@ def empty(n: int, capacity: int = 256) -> Queues:
     return Queues(np.empty((n, capacity, 2)), np.zeros(n, dtype=np.intp), 0, np.zeros(n, dtype=np.intp))
 
 
-def push(queues: Queues, points: Array) -> Queues:
+def enqueue(queues: Queues, points: Array) -> Queues:
     """Add a point ``(n, 2)`` to the end of every queue; points nobody needs any more make room."""
     store, head, tail, behind = queues
     if tail == store.shape[1]:

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography.scenario import Circle, Group, Instruction, Move, NewLeader, Scenario, Shape
-from mp2a.formation.choreography.slots import slots
 from mp2a.spatial import Array
 
 END, MOVE, CIRCLE, SHAPE, MEET = range(5)
@@ -66,7 +65,7 @@ def compile_program(scenario: Scenario) -> LeaderProgram:
         if isinstance(instruction, Shape):
             meets = _gets_new_leader(scenario.instructions, k)
             meeting = len(members) if meets else -1
-            for robot, slot in slots(instruction).items():
+            for robot, slot in instruction.slots().items():
                 rows[index[robot]].append((MEET if meets else SHAPE, (*slot, 0.0), k, meeting))
             if meets:
                 members.append(np.array([index[robot] for robot in instruction.robots], dtype=np.intp))

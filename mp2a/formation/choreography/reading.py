@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from mp2a.exceptions import InputError
 from mp2a.formation.choreography.findings import Finding
@@ -65,9 +65,8 @@ class _Reader:
         self.broken = False
         self.robots: dict[str, Word] | None = None
         self.groups: dict[str, Group] = {}
-        self.heading: ScenarioLine | None = None
-        """The ``groups`` line."""
-        self.start: ScenarioLine | None = None
+        self.heading = self.started = False
+        """Whether there was a line ``groups``, and ``start``, which groups need."""
         self.instructions: list[Instruction] = []
         self.placed: set[str] = set()
         self.block: set[str] = set()
@@ -84,11 +83,14 @@ class _Reader:
         """Take one line."""
         if self.robots is None and line.kind != "robots":
             self.robots = {}
-            self.note(_first(line), f"got {_first(line).text!r}, expected the list of robots first: robots R1 R2 …")
+            got = f"got {line.keyword.text!r}"
+            self.note(line.keyword, f"{got}, expected the list of robots first: robots R1 R2 …")
         if line.kind in ("formation", "move", "circle", "new_leader"):
-            self.in_order(line)
+            if self.heading and not self.started:
+                got = f"got {line.keyword.text!r} before start"
+                self.note(line.keyword, f"{got}, expected start after the groups")
             if line.kind != "formation":
-                self.block = set() if line.kind != "new_leader" else self.block
+                self.block = set()
         getattr(self, f"take_{line.kind}")(line)
 
     def finish(self) -> tuple[Scenario | None, list[Finding]]:
@@ -116,31 +118,26 @@ class _Reader:
 
     # ---- lines -------------------------------------------------------------------------------------------------
 
-    def in_order(self, line: ScenarioLine) -> None:
-        """Check that instructions come after ``start``, which groups need."""
-        if self.heading is not None and self.start is None:
-            self.note(_first(line), f"got {_first(line).text!r} before start, expected start after the groups")
-
     def take_robots(self, line: ScenarioLine) -> None:
         if self.robots:
-            self.note(_first(line), "robots: listed a second time, expected one list")
+            self.note(line.keyword, "robots: listed a second time, expected one list")
             return
         self.robots = {}
-        for word in line.plain:
+        for word in line.words:
             if word.text in self.robots:
                 self.note(word, f"robot {word.text}: listed twice, expected every role once")
             self.robots.setdefault(word.text, word)
         if len(self.robots) > _MOST_ROBOTS:
-            self.note(_first(line), f"robots: got {len(self.robots)}, expected at most {_MOST_ROBOTS}")
+            self.note(line.keyword, f"robots: got {len(self.robots)}, expected at most {_MOST_ROBOTS}")
 
     def take_groups(self, line: ScenarioLine) -> None:
-        if self.heading is not None or self.start is not None or self.instructions:
-            self.note(_first(line), "groups: expected them once, after the robots and before start")
-        self.heading = line
+        if self.heading or self.started or self.instructions:
+            self.note(line.keyword, "groups: expected them once, after the robots and before start")
+        self.heading = True
 
     def take_group(self, line: ScenarioLine) -> None:
-        name, *members = line.plain
-        if self.heading is None or self.start is not None or self.instructions:
+        name, members = line.keyword, line.words
+        if not self.heading or self.started or self.instructions:
             self.note(name, f"got {name.text[:40]!r}, expected {one_of(INSTRUCTIONS)}")
             return
         if name.text in self.groups:
@@ -156,15 +153,17 @@ class _Reader:
                         f"robot {member.text}: in groups {other.name} and {name.text}, takes the instructions of both"
                     )
                     self.note(member, also, serious=False)
-        self.groups[name.text] = Group(name.text, tuple(dict.fromkeys(word.text for word in members)), line.number)
+        self.groups[name.text] = Group(
+            name.text, tuple(dict.fromkeys(word.text for word in members)), line.keyword.line
+        )
 
     def take_start(self, line: ScenarioLine) -> None:
-        if self.start is not None or self.instructions:
-            self.note(_first(line), "start: expected it once, before the first instruction")
-        self.start = line
+        if self.started or self.instructions:
+            self.note(line.keyword, "start: expected it once, before the first instruction")
+        self.started = True
 
     def take_formation(self, line: ScenarioLine) -> None:
-        (((shape,),), arrangement, distances, spacings) = line.words
+        shape, (arrangement, distances, spacings) = line.keyword, line.parts
         rows = tuple(tuple(word.text for word in row) for row in arrangement)
         members = [word for row in arrangement for word in row]
         self.known(members, shape.text)
@@ -179,33 +178,32 @@ class _Reader:
         beside = self.spacings(spacings, [len(row) for row in rows])
         self.block |= {word.text for word in members}
         self.placed |= self.block
-        self.instructions.append(Shape(shape.text, rows, between, beside, line.number))
+        self.instructions.append(Shape(shape.text, rows, between, beside, shape.line))
 
     def take_move(self, line: ScenarioLine) -> None:
-        distance, angle, *group = line.plain
+        distance, angle, *group = line.words
         metres, degrees = self.number(distance, "distance"), self.number(angle, "angle")
         if metres <= 0:
             self.note(distance, f"move: got {distance.text} m, expected more than 0, for the leader does not reverse")
         elif metres <= WAYPOINT_TOLERANCE:
             within = f"move: {distance.text} m are within the tolerance of {WAYPOINT_TOLERANCE} m, so nobody moves"
             self.note(distance, within, serious=False)
-        self.instructions.append(Move(metres, degrees, self.addressed(line, group), line.number))
+        self.instructions.append(Move(metres, degrees, self.addressed(line, group), distance.line))
 
     def take_circle(self, line: ScenarioLine) -> None:
-        radius, angle, rate, *group = line.plain
+        radius, angle, rate, *group = line.words
         values = [self.number(word, name) for word, name in ((radius, "radius"), (angle, "angle"), (rate, "rate"))]
         if values[0] == 0:
             self.note(radius, "circle: got a radius of 0, expected one to the left (positive) or right (negative)")
         for word, value, name in ((angle, values[1], "angle"), (rate, values[2], "turn rate")):
             if value <= 0:
                 self.note(word, f"circle: got {name} {word.text}, expected more than 0; the radius has the direction")
-        self.instructions.append(Circle(values[0], values[1], values[2], self.addressed(line, group), line.number))
+        self.instructions.append(Circle(values[0], values[1], values[2], self.addressed(line, group), radius.line))
 
     def take_new_leader(self, line: ScenarioLine) -> None:
         if not self.instructions or not isinstance(self.instructions[-1], Shape):
-            self.note(_first(line), "newVL: expected it immediately after a formation")
-        self.block = set()
-        self.instructions.append(NewLeader(line.number))
+            self.note(line.keyword, "newVL: expected it immediately after a formation")
+        self.instructions.append(NewLeader(line.keyword.line))
 
     # ---- words -------------------------------------------------------------------------------------------------
 
@@ -214,7 +212,9 @@ class _Reader:
         seen: set[str] = set()
         for word in words:
             if self.robots and word.text not in self.robots:
-                self.note(word, f"{whose}: got unknown robot {word.text[:40]!r}, expected {_some(self.robots)}")
+                self.note(
+                    word, f"{whose}: got unknown robot {word.text[:40]!r}, expected {one_of(self.robots, most=8)}"
+                )
             if word.text in seen:
                 self.note(word, f"{whose}: got robot {word.text} twice, expected it once")
             seen.add(word.text)
@@ -223,7 +223,7 @@ class _Reader:
         """Check whom an instruction is for, and that they have places."""
         name = group[0].text if group else None
         if name is not None and name not in self.groups:
-            known = _some(self.groups) if self.groups else "none, for no group is defined"
+            known = one_of(self.groups, most=8) if self.groups else "none, for no group is defined"
             self.note(group[0], f"{line.kind}: got unknown group {name[:40]!r}, expected {known}")
             return name
         members = self.robots or {} if name is None else self.groups[name].robots
@@ -231,8 +231,8 @@ class _Reader:
             self.used.add(name)
         lost = [role for role in members if role not in self.placed]
         if lost and not self.broken:
-            whom = "no robot has a place" if not self.placed else f"{_some(lost, 'and')}: no place"
-            self.note(_first(line), f"{line.kind}: {whom} yet, expected a formation before")
+            whom = "no robot has a place" if not self.placed else f"{one_of(lost, 'and', 8)}: no place"
+            self.note(line.keyword, f"{line.kind}: {whom} yet, expected a formation before")
         return name
 
     def number(self, word: Word, name: str) -> float:
@@ -284,18 +284,3 @@ _SHAPES = {
     ),
     "square": (lambda sizes: sizes == [2, 2], "two rows of two robots"),
 }
-
-
-def _first(line: ScenarioLine) -> Word:
-    """Keyword of a line; a shape or a group's name is its own first word."""
-    if line.kind in ("formation", "group"):
-        return line.plain[0]
-    text = "newVL" if line.kind == "new_leader" else line.kind
-    return Word(text, line.number, 1)
-
-
-def _some(names: Iterable[str], last: str = "or") -> str:
-    listed = list(names)
-    if len(listed) > 8:
-        return ", ".join(listed[:8]) + ", …"
-    return listed[0] if len(listed) == 1 else f"{', '.join(listed[:-1])} {last} {listed[-1]}"

@@ -6,11 +6,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from mp2a.formation.choreography.findings import Finding
-from mp2a.formation.choreography.fleet import Fleet
 from mp2a.formation.choreography.leader import arc_rate
 from mp2a.formation.choreography.scenario import Circle, NewLeader, Scenario, Shape
-from mp2a.formation.choreography.slots import slots
 from mp2a.formation.constants import LEADER_SPEED_SHARE, STOP_DISTANCE, STOP_SIDE
+from mp2a.formation.robot_models import Fleet
 
 Slots = dict[str, tuple[float, float]]
 
@@ -33,22 +32,21 @@ def broken_rules(scenario: Scenario, fleet: Fleet, max_speed: float, margin: flo
     now: Slots = {}
     for k, instruction in enumerate(scenario.instructions):
         if isinstance(instruction, Shape):
-            now |= slots(instruction)
-            findings += _tight(scenario, fleet, _together(scenario, k), margin, instruction.line)
+            now |= instruction.slots()
+            findings += _tight(scenario, fleet, _together(scenario, k, instruction), margin, instruction.line)
         elif isinstance(instruction, Circle):
             members = scenario.members(instruction.group)
             findings += _arc(scenario, fleet, instruction, {role: now[role] for role in members}, max_speed)
     return findings
 
 
-def _together(scenario: Scenario, k: int) -> list[Slots]:
-    """Slots of a formation, and those of the formations just before that have the same leader."""
-    own = slots(scenario.instructions[k])  # type: ignore[arg-type]
+def _together(scenario: Scenario, k: int, shape: Shape) -> list[Slots]:
+    """Slots of the formation at instruction k, and those of the formations just before with the same leader."""
     after = itertools.dropwhile(lambda x: isinstance(x, Shape), scenario.instructions[k:])
     if isinstance(next(after, None), NewLeader):
-        return [own]
+        return [shape.slots()]
     before = itertools.takewhile(lambda x: isinstance(x, Shape), reversed(scenario.instructions[:k]))
-    return [own, *(slots(shape) for shape in before if isinstance(shape, Shape))]
+    return [shape.slots(), *(other.slots() for other in before if isinstance(other, Shape))]
 
 
 def _tight(scenario: Scenario, fleet: Fleet, formations: list[Slots], margin: float, line: int) -> Iterator[Finding]:
@@ -60,7 +58,7 @@ def _tight(scenario: Scenario, fleet: Fleet, formations: list[Slots], margin: fl
     own = first < len(formations[0])  # pairs of two earlier formations were looked at before
     first, second = first[own], second[own]
     offset = np.abs(spots[first] - spots[second])
-    sizes = np.column_stack((fleet.length, fleet.width))[which]
+    sizes = fleet.sizes[which]
     gaps = offset - (sizes[first] + sizes[second]) / 2
     free = np.hypot(*np.maximum(gaps, 0.0).T)
     near = free < margin - 1e-9

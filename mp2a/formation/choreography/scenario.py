@@ -1,7 +1,10 @@
 """A scenario as plain data, and as text again (thesis, chapter 6)."""
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+
+from mp2a.formation.constants import LEADER_LEAD
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,29 @@ class Shape:
     def robots(self) -> tuple[str, ...]:
         """All roles, from the front left."""
         return tuple(robot for row in self.rows for robot in row)
+
+    def slots(self) -> dict[str, tuple[float, float]]:
+        """Return where each robot stands, seen from its virtual leader (thesis, section 4.2 and chapter 6).
+
+        The leader is `LEADER_LEAD` in front of the first row and in the middle across; every row is centred on it.
+
+        Returns
+        -------
+        dict
+            x (negative: behind the leader) and y (to the left) by role, m.
+
+        Examples
+        --------
+        >>> Shape("row", (("R1", "R2"),), (), ((1.2,),)).slots()
+        {'R1': (-0.5, 0.6), 'R2': (-0.5, -0.6)}
+        """
+        out = {}
+        back = itertools.accumulate((LEADER_LEAD, *self.distances))
+        for row, gaps, x in zip(self.rows, self.spacings, back, strict=True):
+            left = sum(gaps) / 2
+            for robot, across in zip(row, itertools.accumulate((0.0, *gaps)), strict=True):
+                out[robot] = (-x, left - across)
+        return out
 
 
 @dataclass(frozen=True)
@@ -114,10 +140,10 @@ def format(scenario: Scenario) -> str:
     lines = [f"robots {' '.join(scenario.robots)}"]
     if scenario.groups:
         lines += ["groups", *(f"{group.name} {' '.join(group.robots)}" for group in scenario.groups)]
-    return "\n".join([*lines, "start", *map(as_text, scenario.instructions)]) + "\n"
+    return "\n".join([*lines, "start", *map(instruction_text, scenario.instructions)]) + "\n"
 
 
-def as_text(instruction: Instruction) -> str:
+def instruction_text(instruction: Instruction) -> str:
     """Line of one instruction."""
     match instruction:
         case Shape(name, rows, distances, spacings):

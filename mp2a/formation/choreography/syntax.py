@@ -1,7 +1,7 @@
 """From text to lines of words, by the grammar next door; the only part that loads the parser library."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -34,26 +34,16 @@ class Word(NamedTuple):
 
 
 class ScenarioLine(NamedTuple):
-    """A line that fits the grammar.
+    """A line that fits the grammar."""
 
-    Attributes
-    ----------
-    number
-        From 1.
-    kind
-        Name of the grammar's rule: robots, groups, group, start, formation, move, circle, new_leader.
-    words
-        Its words, row by row within its parts: ``words[part][row][k]``. All but a formation have one part of one row.
-    """
-
-    number: int
     kind: str
-    words: tuple[tuple[tuple[Word, ...], ...], ...]
-
-    @property
-    def plain(self) -> tuple[Word, ...]:
-        """Words of a line that has one part of one row."""
-        return self.words[0][0]
+    """Name of the grammar's rule: robots, groups, group, start, formation, move, circle, new_leader."""
+    keyword: Word
+    """What it begins with: of a group its name, of a formation its shape."""
+    words: tuple[Word, ...]
+    """What follows, apart from the parts."""
+    parts: tuple[tuple[tuple[Word, ...], ...], ...]
+    """Of a formation: robots, distances and spacings, each row by row."""
 
 
 def lines(text: str) -> Iterator[ScenarioLine | Finding]:
@@ -84,18 +74,18 @@ def _line(number: int, content: str) -> ScenarioLine | Finding:
         tree = parser.parse(content)
     except UnexpectedInput as error:
         return _wrong(number, content, error)
-    nested = (child for child in tree.children if not isinstance(child, str))
-    parts = ((_words(tree, number),), *(_rows(part, number) for part in nested))
-    return ScenarioLine(number, str(tree.data), parts)
+    kind, words = str(tree.data), _words(tree, number)
+    if kind in ("formation", "group"):
+        keyword, *words = words
+    else:
+        keyword = Word("newVL" if kind == "new_leader" else kind, number, 1)
+    parts = (part for part in tree.children if not isinstance(part, str))
+    rows = (tuple(tuple(_words(row, number)) for row in part.children if not isinstance(row, str)) for part in parts)
+    return ScenarioLine(kind, keyword, tuple(words), tuple(rows))
 
 
-def _rows(part: "Tree[Token]", number: int) -> tuple[tuple[Word, ...], ...]:
-    rows = (row for row in part.children if not isinstance(row, str))
-    return tuple(_words(row, number) for row in rows)
-
-
-def _words(tree: "Tree[Token]", number: int) -> tuple[Word, ...]:
-    return tuple(Word(str(word), number, word.column or 1) for word in tree.children if isinstance(word, str))
+def _words(tree: "Tree[Token]", number: int) -> list[Word]:
+    return [Word(str(word), number, word.column or 1) for word in tree.children if isinstance(word, str)]
 
 
 def _wrong(number: int, content: str, error: "UnexpectedInput") -> Finding:
@@ -120,6 +110,9 @@ def _wrong(number: int, content: str, error: "UnexpectedInput") -> Finding:
     return Finding("syntax", f"got {got}, expected {expected}", line=number, column=column)
 
 
-def one_of(words: "tuple[str, ...] | list[str]") -> str:
-    """Words with an "or" before the last."""
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
+def one_of(words: Iterable[str], last: str = "or", most: int = 20) -> str:
+    """Words with an "or" before the last, as long as there are not too many."""
+    *before, end = words
+    if len(before) >= most:
+        return ", ".join(before[:most]) + ", …"
+    return f"{', '.join(before)} {last} {end}" if before else end

@@ -7,25 +7,25 @@ leader. A robot that is itself off its place, to catch up or because its wheels 
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.formation.choreography.follower import Queues, push
+from mp2a.formation.choreography.follower import Queues, enqueue
 from mp2a.formation.choreography.leader import Leaders
 from mp2a.formation.constants import MOST_TEAMMATES, TARGET_TOLERANCE, WINDOW
-from mp2a.formation.teammates import is_obstacle
+from mp2a.formation.sensing import is_obstacle
 from mp2a.se2 import act_inverse
 from mp2a.spatial import Array
 
-MEMORY = 5
+EXPECTED_TICKS = 5
 """Ticks for which expected places are remembered: LIDAR data are 0.3 s old (thesis, chapter 2), and up to a period."""
 _WAY = 64
 """Points of the way to where a leader starts."""
 
 
-def begin(queues: Queues, leaders: Leaders) -> Queues:
+def lead_in(queues: Queues, leaders: Leaders) -> Queues:
     """Add the way from where robots stand to where their own leaders start: part of their lanes, but no targets."""
     share = np.arange(_WAY)[:, None] / _WAY
     still, own = leaders.slot_poses[:, None, :2], leaders.points[:, None]
     for point in np.moveaxis(still + share * (own - still), 1, 0):
-        queues = push(queues, point)
+        queues = enqueue(queues, point)
     return queues._replace(head=np.full(len(still), queues.tail))
 
 

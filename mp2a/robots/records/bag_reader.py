@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from mp2a.dependencies import need
 from mp2a.exceptions import InputError
+from mp2a.file_kinds import kind_of_file
 from mp2a.robots.topics import Topic
 
 
@@ -72,7 +73,9 @@ class BagReader:
             self._reader = AnyReader([path], default_typestore=typesys.get_typestore(typesys.Stores.ROS2_HUMBLE))
             self._reader.open()
         except Exception as error:  # there is no end to what a broken file raises
-            raise InputError(f"recording: {path} cannot be read as a bag of ROS 1 or ROS 2 ({error})") from error
+            raise InputError(
+                f"recording: {path} cannot be read as a bag of ROS 1 or ROS 2: it is {kind_of_file(path)} ({error})"
+            ) from error
         self._fields = {topic.name: topic.field for topic in topics}
         there: dict[str, list[Any]] = {}  # of ROS 1 one a publisher
         for connection in self._reader.connections:

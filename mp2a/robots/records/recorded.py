@@ -26,9 +26,10 @@ _HUMAN = EVENTS[2]
 
 def make(config: AdapterConfig) -> AdapterResult:
     """Open the recordings of this process' robots."""
-    if config.recording is None:
+    file = config.file
+    if file.recording is None:
         raise InputError("recording: got none, expected --recording PATH, or recording = in the robots file")
-    robots = [RecordedRobot(role, config.recording, config.robots[role], config.begin) for role in config.roles]
+    robots = [RecordedRobot(role, file.recording, file.configs[role], file.begin) for role in config.roles]
     return AdapterResult(
         robots,
         VirtualClock(config.period, robots),

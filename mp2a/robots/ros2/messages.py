@@ -8,7 +8,7 @@ from typing import Any
 from cyclonedds.idl import make_idl_struct
 from cyclonedds.idl.types import array, float32, float64, int8, int32, sequence, uint8, uint32
 
-MESSAGES: dict[str, Any] = {}
+ROS2_MESSAGES: dict[str, Any] = {}
 """Every type by its name in ROS 2; built of its fields in their order."""
 
 
@@ -16,7 +16,7 @@ def _message(kind: str, *, package_on_wire: str = "", **fields: Any) -> Any:
     """Add a type that has these fields, by name."""
     package, _, name = kind.split("/")
     made = make_idl_struct(name, f"{package_on_wire or package}::msg::dds_::{name}_", fields)
-    MESSAGES[kind] = made
+    ROS2_MESSAGES[kind] = made
     return made
 
 

@@ -55,9 +55,9 @@ class Ros2Node:
 
     def message(self, kind: str) -> Any:
         """Return the class of a type of messages."""
-        from mp2a.robots.ros2.messages import MESSAGES
+        from mp2a.robots.ros2.messages import ROS2_MESSAGES
 
-        return MESSAGES[kind]
+        return ROS2_MESSAGES[kind]
 
     def header(self, frame: str) -> Any:
         """Return a ``std_msgs/Header`` of now."""
