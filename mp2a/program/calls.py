@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import Any, TypeVar, cast
 
 from mp2a.exceptions import InputError, RankError
@@ -88,8 +89,9 @@ class Calls:
             except Exception as found:
                 error = found
             valid = error is None and program.transport.valid
-            if not self._all_is_well(program, valid):
-                raise_on_all(self._comm, error, lambda: self._difference(program.samples, program.flag))
+            sure = valid and program.agreement is None and program.samples < MANY_SAMPLES
+            if not sure and not self._is_agreed(program, valid):
+                raise_on_all(self._comm, error, partial(self._difference, program.samples, program.flag))
             return outputs
         except BaseException as error:
             if isinstance(error, MPI.Exception) or not isinstance(error, Exception):
@@ -100,13 +102,9 @@ class Calls:
         finally:
             self._busy.release()
 
-    def _all_is_well(self, program: RankProgram, valid: bool) -> bool:
+    def _is_agreed(self, program: RankProgram, valid: bool) -> bool:
         """Tell whether a call went well on every rank; collective."""
-        if valid and program.has_agreed:
-            return self._agreement.is_reached
-        if valid and program.agreement is None and program.samples < MANY_SAMPLES:
-            return True
-        return self._agreement.reached(valid)
+        return self._agreement.is_reached if valid and program.has_agreed else self._agreement.reached(valid)
 
     @contextmanager
     def together(self, call: Call, key: Key) -> Iterator[Call]:

@@ -32,6 +32,7 @@ _LOOKS, _SHARED_LOOKS = 4096, 256
 """How often compiled code looks for messages before Python sees to them: with a core a rank, and where ranks share."""
 
 _MESSAGES = "start", "await"
+_AXIS = kernels.AXIS
 _DOUBLE = np.dtype(np.float64)
 
 
@@ -159,7 +160,8 @@ class CompiledProgram:
         Exception
             What a computation raised, after all exchanges.
         """
-        self._transport.begin(self._tag, valid=True)
+        transport = self._transport
+        transport.tag, transport.valid = self._tag, True
         answer = self._call(*arguments)
         if answer and self._is_one_piece:
             self._tally.times += 1
@@ -170,14 +172,15 @@ class CompiledProgram:
 
     def results(self) -> dict[str, Any]:
         """Return the outputs of the last run for the caller to keep, in the shape of its arguments."""
-        views = self._views[self._header[kernels.AXIS]]
+        axis = self._header[_AXIS]
+        views = self._views[axis]
         if views is None:
-            return self.frame.results(single=not self._header[kernels.AXIS])
+            return self.frame.results(single=not axis)
         return {name: view.copy() for name, view in views}
 
     def _take(self, arguments: Sequence[Any], axis: bool) -> bool:
         """Say where arguments are; False if they are no arrays."""
-        self._header[kernels.AXIS] = axis
+        self._header[_AXIS] = axis
         for k, array in enumerate(arguments):
             if type(array) is not np.ndarray:
                 return False
