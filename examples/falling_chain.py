@@ -1,7 +1,7 @@
 """A chain of 1000 links hangs from one end of a level line and falls: python examples/falling_chain.py [links].
 
 Each link hangs on a joint with a little damping. Steps are semi-implicit: velocities first, then coordinates with the
-new ones. The picture goes to results/falling_chain.png.
+new ones, which gains some per cent of energy where the tip whips round. The picture goes to results/falling_chain.png.
 """
 
 import dataclasses

@@ -8,6 +8,7 @@ import pytest
 from helpers import ALL_JOINTS, random_forest, relative_error
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mpi4py import MPI
 
 import mp2a
 from mp2a import InputError, Model
@@ -106,6 +107,12 @@ def test_joints_resist_in_both_directions(n, samples, seed):
     assert relative_error(mp2a.rnea(model, q, v, mp2a.aba(model, q, v, tau)), tau) <= 1e-11
     for method in ("compact", "sweep"):
         assert relative_error(mp2a.rnea(model, q, v, a, method=method), tau) <= 1e-11
+
+
+def test_ranks_refuse_what_they_would_not_count():
+    model = dataclasses.replace(Model.random(1), damping=[0.1])
+    with pytest.raises(InputError, match="got joints with armature, damping, friction or springs"):
+        mp2a.DistributedModel(MPI.COMM_SELF, model)
 
 
 @pytest.mark.parametrize("name", ["armature", "damping", "friction", "stiffness"])
