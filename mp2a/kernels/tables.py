@@ -218,9 +218,11 @@ def _lay_out(
     kept[parents[apart & (parents >= 0)]] = True
     single, prismatic = frames.kinds < PLANAR, frames.kinds == PRISMATIC
     gain, inertia = (GAIN, INERTIA) if forward_dynamics else (0, 0)
-    poses, gains = np.where(single, 8 + prismatic, 18), gain * np.diff(model.v_starts)
+    # Where nothing lies behind a wrench, what forward dynamics leaves of the joint may go over it: it comes later.
+    poses = np.where(single, 8 + prismatic, 18)
+    gains_at = np.where(single & ~prismatic, 2, poses)
     others = motion + inertia
-    sizes = poses + gains + np.where(kept, others, 0)
+    sizes = np.maximum(poses, gains_at + gain * np.diff(model.v_starts)) + np.where(kept, others, 0)
     ends = ground + others + _WRENCH + np.cumsum(sizes)
     starts = ends - sizes
     table = np.empty((n, TOPOLOGY), dtype=np.int64)
@@ -228,7 +230,7 @@ def _lay_out(
     table[:, Q_COLUMN], table[:, V_COLUMN] = model.q_starts[:-1], model.v_starts[:-1]
     table[:, SLOT] = starts * lanes
     table[:, FORCE] = (starts + np.where(single, 2, 12)) * lanes
-    table[:, GAINS] = (starts + poses) * lanes
+    table[:, GAINS] = (starts + gains_at) * lanes
     keep = (ends - others) * lanes
     table[:, KEEP] = np.where(kept, keep, -1)
     rooted = parents < 0
