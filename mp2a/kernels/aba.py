@@ -57,23 +57,19 @@ def aba(real: Real) -> Callable[..., None]:
     Callable
         ``f(job, first, last, scratch, verdict)``, as `mp2a.kernels.rnea.rnea`.
     """
-    lanes, ring = real.lanes, 2 * real.lanes
-    there, zero, is_nan, where, aligned = real.there(), real.zero(), real.is_nan(), columns(real), real.aligned()
-    put, loads = real.put(), forward_sweep(real, _STATE, bodies=False, per_lane=False, accelerated=False)
+    lanes, there, zero, is_nan, aligned = real.lanes, real.there(), real.zero(), real.is_nan(), real.aligned()
+    where, loads = columns(real), forward_sweep(real, _STATE, bodies=False, per_lane=False, accelerated=False)
     inertias, accelerations = _inertias(real), _accelerations(real)
 
     def run(job_at: Any, first: Any, last: Any, scratch_at: Any, verdict_at: Any) -> None:
         job = integers(job_at)
         tables = there(job[AT.body_constants]), there(job[AT.frame_constants]), integers(job[AT.topology])
         memory = aligned(there(scratch_at))
-        root = 3 * ring * lanes
-        null = zero()
-        invalid = null
+        invalid = zero()
         for chunk in range(first, last):
             views, begin = where(job, memory, chunk * lanes)
             invalid = loads(job, begin, invalid, tables, memory, views)
             invalid = inertias(job, begin, invalid, tables, memory, views[2])
-            put(memory, root, (null, null, null, null, null, null))
             invalid = accelerations(job, begin, invalid, tables, memory, views[3])
         if is_nan(invalid):
             integers(verdict_at)[0] = 1
@@ -219,7 +215,7 @@ def _accelerations(real: Real) -> Any:
     """Accelerations of joints, and of bodies beyond those that there are without, from the base outwards."""
     lanes, ring = real.lanes, 2 * real.lanes
     there, put, zero, empty = real.there(), real.put(), real.zero(), transpose_out(real)
-    two, motion_at = real.record(2), real.vectors(6)
+    root, two, motion_at = 3 * ring * lanes, real.record(2), real.vectors(6)
     fork, step = real.lift(steps.fork, 6), _accelerate(real)
 
     @compiled
@@ -227,11 +223,14 @@ def _accelerations(real: Real) -> Any:
         n, final, nv = job[AT.bodies], job[AT.samples] - 1, job[AT.nv]
         frame_constants, topology = tables[1], tables[2]
         null = zero()
-        motion = null, null, null, null, null, null
+        still = null, null, null, null, null, null
+        motion = still
         written = 0
         for i in range(n):
             row = i * TOPOLOGY
-            if topology[row + FROM] >= 0:
+            if topology[row + FROM] == root:
+                motion = still
+            elif topology[row + FROM] >= 0:
                 motion = motion_at(memory, topology[row + FROM])
             if topology[row + FORK]:
                 motion = fork((motion, two(frame_constants, i * FRAME_CONSTANTS + 18)))
