@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from mp2a import simulator as simulator
     from mp2a import spatial as spatial
     from mp2a import transport as transport
+    from mp2a.configuration import difference as difference
+    from mp2a.configuration import integrate as integrate
+    from mp2a.configuration import neutral as neutral
+    from mp2a.configuration import random_configuration as random_configuration
     from mp2a.distributed import DistributedModel as DistributedModel
     from mp2a.dynamics import placements as placements
     from mp2a.dynamics import rnea as rnea
@@ -26,12 +30,14 @@ if TYPE_CHECKING:
     from mp2a.exceptions import InputError as InputError
     from mp2a.exceptions import OutputError as OutputError
     from mp2a.exceptions import RankError as RankError
+    from mp2a.forward_dynamics import aba as aba
     from mp2a.joints import JOINTS as JOINTS
     from mp2a.methods import METHODS as METHODS
     from mp2a.model import Model as Model
     from mp2a.network import EmulatedNetwork as EmulatedNetwork
     from mp2a.process_grid import ProcessGrid as ProcessGrid
     from mp2a.reference import Reference as Reference
+    from mp2a.results import ForwardDynamics as ForwardDynamics
     from mp2a.results import InverseDynamics as InverseDynamics
     from mp2a.results import Placement as Placement
     from mp2a.spatial import GRAVITY as GRAVITY
@@ -42,6 +48,7 @@ _HOMES = {
     "DependencyError": "mp2a.exceptions",
     "DistributedModel": "mp2a.distributed",
     "EmulatedNetwork": "mp2a.network",
+    "ForwardDynamics": "mp2a.results",
     "GRAVITY": "mp2a.spatial",
     "InputError": "mp2a.exceptions",
     "InverseDynamics": "mp2a.results",
@@ -53,7 +60,12 @@ _HOMES = {
     "ProcessGrid": "mp2a.process_grid",
     "RankError": "mp2a.exceptions",
     "Reference": "mp2a.reference",
+    "aba": "mp2a.forward_dynamics",
+    "difference": "mp2a.configuration",
+    "integrate": "mp2a.configuration",
+    "neutral": "mp2a.configuration",
     "placements": "mp2a.dynamics",
+    "random_configuration": "mp2a.configuration",
     "rnea": "mp2a.dynamics",
 }
 """Modules in which the names are."""

@@ -40,6 +40,14 @@ def array(
     return values.astype(np.intp)
 
 
+def check_parents(parents: NDArray[np.intp]) -> None:
+    """Raise `InputError` unless every body's parent comes before it or is the base, -1."""
+    early = np.flatnonzero((parents >= np.arange(len(parents))) | (parents < -1))
+    if early.size:
+        i = early[0]
+        raise InputError(f"parents: got {parents[i]} for body {i}, expected -1 or an earlier body")
+
+
 def read_only(values: NDArray[Any]) -> NDArray[Any]:
     """Return an array after it has been made one that cannot be written."""
     values.flags.writeable = False

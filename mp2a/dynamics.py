@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, DTypeLike
 from mp2a import serial
 from mp2a.checks import count
 from mp2a.exceptions import InputError
-from mp2a.joint_kinematics import BaseMotion, joint_torque
+from mp2a.joint_kinematics import BaseMotion, drive_forces, joint_torque
 from mp2a.kernels.tables import NUMBER_FORMATS
 from mp2a.methods import METHODS
 from mp2a.methods.local import solve_locally
@@ -138,7 +138,7 @@ def rnea(
         check_method(method)
     if threads is not None:
         count("threads", threads)
-    form = _format(dtype)
+    form = number_format(dtype)
     model = check_model(model)
     state = check_shapes(model, q, v, a, external_forces)
     field = check_gravity(model, gravity)
@@ -171,7 +171,9 @@ def _by_messages(
 ) -> tuple[Array, Array | None]:  # fmt: skip
     """Torques ``(T, nv)``, and motion and force ``(T, n, 18)``, of robots that exchange messages in this process."""
     scan, _ = solve_locally(METHODS[method], model, state, gravity)
-    torques = joint_torque(model, scan.force)
+    torques, drives = joint_torque(model, scan.force), drive_forces(model, state)
+    if drives is not None:
+        torques += drives
     torque, table = targets
     if torque is None:
         torque = torques.astype(form, copy=False)
@@ -247,7 +249,8 @@ def _place(model: Model, q: Array, single: bool, form: np.dtype) -> Placement:
     return Placement(*(x.astype(form, copy=False)[0 if single else slice(None)] for x in whole))
 
 
-def _format(dtype: DTypeLike) -> np.dtype:
+def number_format(dtype: DTypeLike) -> np.dtype:
+    """Return the number format that a caller asks for, or raise `InputError`."""
     try:
         form = np.dtype(dtype)
     except TypeError as error:
@@ -264,7 +267,7 @@ def _targets(
     if out is None:
         return None, None
     if not bodies:
-        return _torque_target(out, state, form), None
+        return joint_target(out, state, form), None
     sizes = state.samples, n
     table = _table_of(out, sizes, form) if isinstance(out, InverseDynamics) else None
     if table is None or out.torque.ndim != 2 - state.single:  # type: ignore[union-attr]
@@ -273,7 +276,7 @@ def _targets(
             f"{sizes[0]} samples in {form}"
         )
     assert isinstance(out, InverseDynamics)
-    torque = _torque_target(out.torque, state, form)
+    torque = joint_target(out.torque, state, form)
     if np.may_share_memory(torque, table):
         raise InputError("out: got a torque that shares memory with motion or force, expected arrays of their own")
     return torque, table
@@ -290,7 +293,8 @@ def _table_of(result: InverseDynamics, sizes: tuple[int, int], form: np.dtype) -
     return np.lib.stride_tricks.as_strided(first, (*sizes, 18), first.strides)
 
 
-def _torque_target(out: object, state: JointState, form: np.dtype) -> Array:
+def joint_target(out: object, state: JointState, form: np.dtype) -> Array:
+    """Return ``(T, nv)`` where a caller wants a number for each degree of freedom, or raise `InputError`."""
     wanted = state.v.shape[1:] if state.single else state.v.shape
     if not isinstance(out, np.ndarray) or out.shape != wanted or out.dtype != form or not out.flags.writeable:
         got = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__

@@ -63,9 +63,40 @@ def joint_motion(model: Model, state: JointState) -> JointMotion:
 
 
 def joint_torque(model: Model, force: Array) -> Array:
-    """Project body forces ``(n, T, 6)`` on the joints: ``τ = Hᵀ F``, ``(T, nv)`` (paper, after eq. 6)."""
+    """Project body forces ``(n, T, 6)`` on the joints: ``Hᵀ F``, ``(T, nv)`` (paper, after eq. 6)."""
     torque = np.empty((force.shape[1], model.nv))
     for group in model.groups:
         projected = np.einsum("kij,kti->tkj", group.subspace, force[group.bodies])
         torque[:, group.v_columns] = projected
     return torque
+
+
+def coordinate_difference(model: Model, start: Array, end: Array) -> Array:
+    """Velocities ``(T, nv)`` that lead from coordinates ``(T or 1, nq)`` to others in a unit of time."""
+    out = np.empty((max(len(start), len(end)), model.nv))
+    for group in model.groups:
+        out[:, group.v_columns] = group.joint.difference(start[:, group.q_columns], end[:, group.q_columns])
+    return out
+
+
+def joint_forces(model: Model, q: Array, v: Array) -> Array | None:
+    """Return the forces that dampers, springs and friction of the joints take, ``(T, nv)`` N m and N, if there are any.
+
+    ``damping q̇ + friction sign(q̇) + stiffness (q - rest)``, the difference being `coordinate_difference`.
+    """
+    if not model.has_joint_forces:
+        return None
+    with np.errstate(invalid="ignore"):  # what is not finite is found and named elsewhere
+        out: Array = model.damping * v + model.friction * np.sign(v)
+        if model.stiffness.any():
+            out += model.stiffness * coordinate_difference(model, model.rest[None], q)
+    return out
+
+
+def drive_forces(model: Model, state: JointState) -> Array | None:
+    """`joint_forces`, and those that accelerate the armatures; None if there are none."""
+    forces = joint_forces(model, state.q, state.v)
+    if not model.armature.any():
+        return forces
+    accelerating: Array = model.armature * state.a
+    return accelerating if forces is None else accelerating + forces

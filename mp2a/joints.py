@@ -25,6 +25,20 @@ from numpy.typing import NDArray
 
 from mp2a.checks import read_only
 from mp2a.spatial import Array, quaternion_matrix, skew
+from mp2a.tangents import (
+    Difference,
+    Integrate,
+    add,
+    difference_circle,
+    difference_free,
+    difference_planar,
+    difference_sphere,
+    integrate_circle,
+    integrate_free,
+    integrate_planar,
+    integrate_sphere,
+    subtract,
+)
 
 
 @dataclass(frozen=True)
@@ -43,6 +57,8 @@ class Joint:
         ``(axis (k, 3), q (k, T, nq))`` to the rotation ``(k, T, 3, 3)`` and translation ``(k, T, 3)`` of the joint.
     subspace
         ``axis (k, 3)`` to ``H (k, 6, nv)``.
+    integrate, difference
+        Along a velocity, and back: see `mp2a.tangents`.
     unit
         The slice of ``q`` that has to have length one, if there is one.
     axial
@@ -54,6 +70,8 @@ class Joint:
     nv: int
     transform: Callable[[Array, Array], tuple[Array, Array]]
     subspace: Callable[[Array], Array]
+    integrate: Integrate
+    difference: Difference
     unit: slice | None = None
     axial: bool = False
 
@@ -118,14 +136,19 @@ def _columns(*rows: int) -> Callable[[Array], Array]:
 
 
 _QUATERNION = (0.0, 0.0, 0.0, 1.0)
+_LINE, _CIRCLE, _PLANE = (add, subtract), (integrate_circle, difference_circle), (integrate_planar, difference_planar)
+_SPHERE, _SPACE = (integrate_sphere, difference_sphere), (integrate_free, difference_free)
 _JOINTS = (
-    Joint("revolute", (0.0,), 1, _transform_revolute, _angular_axis, axial=True),
-    Joint("continuous", (1.0, 0.0), 1, _transform_continuous, _angular_axis, unit=slice(0, 2), axial=True),
-    Joint("prismatic", (0.0,), 1, _transform_prismatic, _linear_axis, axial=True),
-    Joint("planar", (0.0, 0.0, 1.0, 0.0), 3, _transform_planar, _columns(3, 4, 2), unit=slice(2, 4)),
-    Joint("spherical", _QUATERNION, 3, _transform_spherical, _columns(0, 1, 2), unit=slice(0, 4)),
-    Joint("free", (0.0, 0.0, 0.0, *_QUATERNION), 6, _transform_free, _columns(3, 4, 5, 0, 1, 2), unit=slice(3, 7)),
-)
+    Joint("revolute", (0.0,), 1, _transform_revolute, _angular_axis, *_LINE, axial=True),
+    Joint("continuous", (1.0, 0.0), 1, _transform_continuous, _angular_axis, *_CIRCLE, unit=slice(0, 2), axial=True),
+    Joint("prismatic", (0.0,), 1, _transform_prismatic, _linear_axis, *_LINE, axial=True),
+    Joint("planar", (0.0, 0.0, 1.0, 0.0), 3, _transform_planar, _columns(3, 4, 2), *_PLANE, unit=slice(2, 4)),
+    Joint("spherical", _QUATERNION, 3, _transform_spherical, _columns(0, 1, 2), *_SPHERE, unit=slice(0, 4)),
+    Joint(
+        "free", (0.0, 0.0, 0.0, *_QUATERNION), 6, _transform_free, _columns(3, 4, 5, 0, 1, 2), *_SPACE,
+        unit=slice(3, 7),
+    ),
+)  # fmt: skip
 
 JOINTS = {joint.name: joint for joint in _JOINTS}
 """Every joint type by name. A new type is one more entry of ``_JOINTS``."""

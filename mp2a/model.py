@@ -10,16 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mp2a.checks import array, check_rotations, read_only, symmetric_inertias, unit_axes
+from mp2a.checks import array, check_parents, check_rotations, read_only, symmetric_inertias, unit_axes
 from mp2a.exceptions import InputError
 from mp2a.files import atomic_write
+from mp2a.joint_parameters import JOINT_PARAMETERS, joint_parameters
 from mp2a.joints import JOINTS, JointGroup, joint_groups
 from mp2a.spatial import GRAVITY, Array, inertia_at_origin
 
 if TYPE_CHECKING:
     import pinocchio
 
-_FORMAT = 2
+_FORMAT = 3
+_OF_BODIES = "joints", "axes", "rotations", "translations", "masses", "coms", "inertias", "names"
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,13 +44,18 @@ class Model:
         ``n`` names of the joints.
     gravity
         ``(3,)`` m/s² in the base frame: the field that calls for this model take unless told another.
+    armature, damping, friction, stiffness
+        ``(nv,)`` each, empty for none: inertia of the drives, felt at the joints, kg m² and kg (pinocchio's); force
+        against the velocity, N m s/rad and N s/m; dry friction, N m and N; springs to ``rest``, N m/rad and N/m.
+    rest
+        ``(nq,)``: the coordinates at which the springs do not pull; empty: those of zero displacement.
 
     Raises
     ------
     InputError
-        If a field has the wrong shape, is not finite, a rotation is not one, an axis is zero, a mass is negative,
-        an inertia is not symmetric or has a negative moment, a joint type is unknown or a parent does not come before
-        its child. (A moment larger than the other two together, which no real body has, is let through.)
+        If a field has the wrong shape, is not finite, a rotation is not one, an axis is zero, a mass or a number of
+        a joint is negative, an inertia is not symmetric or has a negative moment, a joint type is unknown or a parent
+        does not come before its child. (A moment larger than the other two together is let through.)
     """
 
     parents: NDArray[np.intp]
@@ -61,16 +68,18 @@ class Model:
     inertias: Array
     names: tuple[str, ...] = ()
     gravity: Array = field(default_factory=lambda: np.array(GRAVITY))
+    armature: Array = field(default_factory=lambda: np.empty(0))
+    damping: Array = field(default_factory=lambda: np.empty(0))
+    friction: Array = field(default_factory=lambda: np.empty(0))
+    stiffness: Array = field(default_factory=lambda: np.empty(0))
+    rest: Array = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         parents = array("parents", self.parents, (None,), whole=True)
         n = len(parents)
         if n == 0:
             raise InputError("parents: got no body, expected at least one")
-        early = np.flatnonzero((parents >= np.arange(n)) | (parents < -1))
-        if early.size:
-            i = early[0]
-            raise InputError(f"parents: got {parents[i]} for body {i}, expected -1 or an earlier body")
+        check_parents(parents)
         joints = tuple(self.joints)
         for i, joint in enumerate(joints):
             if joint not in JOINTS:
@@ -87,6 +96,7 @@ class Model:
             "coms": array("coms", self.coms, (n, 3)),
             "inertias": array("inertias", self.inertias, (n, 3, 3)),
             "gravity": array("gravity", self.gravity, (3,)),
+            **joint_parameters(joints, {name: getattr(self, name) for name in JOINT_PARAMETERS}),
         }
         axial = np.array([JOINTS[joint].axial for joint in joints])
         arrays["axes"] = unit_axes(arrays["axes"], axial)
@@ -149,6 +159,11 @@ class Model:
     def is_serial(self) -> bool:
         """Whether every body hangs on the one before it."""
         return bool((self.parents == np.arange(len(self)) - 1).all())
+
+    @cached_property
+    def has_joint_forces(self) -> bool:
+        """Whether joints have damping, friction or springs."""
+        return bool(self.damping.any() or self.friction.any() or self.stiffness.any())
 
     @cached_property
     def groups(self) -> tuple[JointGroup, ...]:
@@ -216,11 +231,10 @@ class Model:
         return self._part(slice(start, stop))
 
     def _part(self, part: slice) -> "Model":
-        return Model(
-            np.arange(part.stop - part.start) - 1, self.joints[part], self.axes[part], self.rotations[part],
-            self.translations[part], self.masses[part], self.coms[part], self.inertias[part], self.names[part],
-            self.gravity,
-        )  # fmt: skip
+        rates, coordinates = (slice(x[part.start], x[part.stop]) for x in (self.v_starts, self.q_starts))
+        own: dict[str, Any] = {name: getattr(self, name)[part] for name in _OF_BODIES}
+        own |= {name: getattr(self, name)[rates] for name in JOINT_PARAMETERS[:-1]}
+        return Model(np.arange(part.stop - part.start) - 1, gravity=self.gravity, rest=self.rest[coordinates], **own)
 
     def digest(self) -> str:
         """Return a fingerprint of all fields: equal for equal models, on every machine."""
@@ -256,16 +270,9 @@ class Model:
         InputError
             If the file cannot be read or holds no model.
         """
-        try:
-            with np.load(path, allow_pickle=False) as file:
-                data = {key: file[key] for key in file.files}
-        except Exception as error:  # zipfile, zlib and numpy raise a dozen kinds on a damaged file
-            raise InputError(f"path: {path} cannot be read as a model ({error})") from error
-        expected = {"format", *(part.name for part in fields(cls))}
-        if set(data) != expected or data.pop("format").tolist() != _FORMAT:
-            raise InputError(f"path: {path} holds {sorted(data)}, expected a model of format {_FORMAT}")
-        data["joints"], data["names"] = (tuple(str(word) for word in data[key].flat) for key in ("joints", "names"))
-        return cls(**data)
+        from mp2a.readers.model_file import read_model
+
+        return cls(**read_model(path, _FORMAT, [part.name for part in fields(cls)]))
 
     # ---- builders and readers ----------------------------------------------------------------------------------
 
@@ -353,7 +360,7 @@ class Model:
         Parameters
         ----------
         path
-            The file. Its collision and visual shapes, limits, damping, transmissions and mimicked joints do not count.
+            The file. Its collision and visual shapes, limits, transmissions and mimicked joints do not count.
         root
             How the root link stands in the world: "fixed", which leaves its mass out, or by a first joint
             ``root_joint`` of type "free" (a free-flyer), "planar" or "spherical".
@@ -369,12 +376,14 @@ class Model:
 
     @classmethod
     def from_pinocchio(cls, model: "pinocchio.Model") -> "Model":
-        """Convert a `pinocchio.Model`, with its joint order, coordinates and gravity.
+        """Convert a `pinocchio.Model`, its joint order, coordinates, gravity, armature, damping and dry friction.
+
+        Friction counts where its limits are the same both ways; others are bounds for pinocchio's solvers.
 
         Raises
         ------
         InputError
-            If the model has a joint type mp2a does not know, an armature, or no joint at all.
+            If the model has a joint type mp2a does not know, or no joint at all.
         """
         from mp2a.readers.pinocchio_model import from_model
 

@@ -1,7 +1,7 @@
-"""What inverse dynamics returns, in one process and over ranks."""
+"""What inverse and forward dynamics return, in one process and over ranks."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mp2a.spatial import Array
 
@@ -77,7 +77,30 @@ class InverseDynamics:
         shapes = ", ".join(
             f"{name} {getattr(self, name).shape}" for name in ("velocity", "acceleration", "force", "torque")
         )
-        return f"<InverseDynamics: {shapes}, placement>"
+        return f"<{type(self).__name__}: {shapes}, placement>"
 
-    def __reduce__(self) -> tuple[type, tuple[Array, Array, Array, Array, Placement]]:
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         return InverseDynamics, (self.velocity, self.acceleration, self.force, self.torque, self.placement)
+
+
+class ForwardDynamics(InverseDynamics):
+    """Accelerations of the joints, and what `InverseDynamics` has, for the motion that they make.
+
+    Attributes
+    ----------
+    joint_acceleration
+        ``(nv,)`` or ``(T, nv)``, rad/s² and m/s².
+    """
+
+    __slots__ = ("joint_acceleration",)
+
+    def __init__(self, motion: InverseDynamics, joint_acceleration: Array) -> None:
+        super().__init__(motion.velocity, motion.acceleration, motion.force, motion.torque, motion._placement)
+        self.joint_acceleration = joint_acceleration
+
+    def __repr__(self) -> str:
+        return f"{super().__repr__()[:-1]}, joint_acceleration {self.joint_acceleration.shape}>"
+
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+        motion = InverseDynamics(self.velocity, self.acceleration, self.force, self.torque, self.placement)
+        return ForwardDynamics, (motion, self.joint_acceleration)

@@ -21,6 +21,7 @@ __all__ = [
     "motion_operator",
     "motion_to_child",
     "skew",
+    "spatial_inertia",
     "spatial_to_classical",
     "to_linear_first",
     "velocity_product",
@@ -143,6 +144,26 @@ def inertia_at_origin(mass: Array, com: Array, inertia: Array) -> Array:
     """
     s = skew(com)
     out: Array = inertia - mass[..., None, None] * (s @ s)
+    return out
+
+
+def spatial_inertia(mass: Array, com: Array, inertia: Array) -> Array:
+    r"""Return the matrix ``M`` of eq. 6, :math:`[J, m \tilde s; -m \tilde s, m 1]`, about the body's origin.
+
+    Parameters
+    ----------
+    mass, com, inertia
+        As `body_force` takes them.
+
+    Returns
+    -------
+    numpy.ndarray
+        ``(..., 6, 6)``: acceleration ``[angular; linear]`` to force, kg m², kg m and kg.
+    """
+    moment = mass[..., None, None] * skew(com)
+    out = np.zeros((*mass.shape, 6, 6))
+    out[..., :3, :3], out[..., 3:, 3:] = inertia, mass[..., None, None] * np.eye(3)
+    out[..., :3, 3:], out[..., 3:, :3] = moment, -moment
     return out
 
 

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 _UNIT_TOLERANCE = 1e-6
 
+_RATES = "v", "a", "tau"
+"""What arguments are called that have a number for each degree of freedom."""
+
 
 class JointState(NamedTuple):
     """Checked input of one call, always with a sample axis."""
@@ -25,11 +28,13 @@ class JointState(NamedTuple):
     v: Array
     """``(T, nv)``"""
     a: Array
-    """``(T, nv)``"""
+    """``(T, nv)``: joint accelerations, or the joint forces of forward dynamics."""
     external: Array | None
     """Forces ``(n, T or 1, 6)`` on the bodies, or None."""
     single: bool
     """Whether the caller gave one sample without a sample axis."""
+    third: str = "a"
+    """What the caller calls ``a``: "a", or "tau" in forward dynamics."""
 
     @property
     def samples(self) -> int:
@@ -50,30 +55,34 @@ def check_state(model: Model, q: ArrayLike, v: ArrayLike, a: ArrayLike, external
     return state
 
 
-def check_shapes(model: Model, q: ArrayLike, v: ArrayLike, a: ArrayLike, external: ArrayLike | None) -> JointState:
+def check_shapes(
+    model: Model, q: ArrayLike, v: ArrayLike, a: ArrayLike, external: ArrayLike | None, third: str = "a"
+) -> JointState:
     """Check the shapes of the arguments and give each a sample axis, whatever their numbers are.
+
+    ``third`` is what errors call ``a``.
 
     Raises
     ------
     InputError
         Naming the argument, what was given and what was expected.
     """
-    widths = zip(("q", "v", "a"), (q, v, a), (model.nq, model.nv, model.nv), strict=True)
+    widths = zip(("q", "v", third), (q, v, a), (model.nq, model.nv, model.nv), strict=True)
     arrays = {name: _samples_of(name, values, width) for name, values, width in widths}
-    if not arrays["q"].shape[:-1] == arrays["v"].shape[:-1] == arrays["a"].shape[:-1]:
+    if not arrays["q"].shape[:-1] == arrays["v"].shape[:-1] == arrays[third].shape[:-1]:
         shapes = {name: array.shape[:-1] for name, array in arrays.items()}
         counts = ", ".join(f"{name} has {shape[0] if shape else 'no'} samples" for name, shape in shapes.items())
-        raise InputError(f"q, v, a: got different numbers of samples ({counts}), expected the same for all")
+        raise InputError(f"{', '.join(arrays)}: got different numbers of samples ({counts}), expected the same for all")
     single = arrays["q"].ndim == 1
     samples = 1 if single else len(arrays["q"])
     if samples == 0:
-        raise InputError("q, v, a: got no sample (T = 0), expected at least one")
-    columns = {name: array.reshape(samples, array.shape[-1]) for name, array in arrays.items()}
+        raise InputError(f"{', '.join(arrays)}: got no sample (T = 0), expected at least one")
+    positions, rates, thirds = (array.reshape(samples, array.shape[-1]) for array in arrays.values())
     forces = None if external is None else _check_external(len(model), samples, single, external)
-    return JointState(columns["q"], columns["v"], columns["a"], forces, single)
+    return JointState(positions, rates, thirds, forces, single, third)
 
 
-def check_coordinate_shape(model: Model, q: ArrayLike) -> Array:
+def check_coordinate_shape(model: Model, q: ArrayLike, name: str = "q") -> Array:
     """Check the shape of coordinates alone, ``(nq,)`` or ``(T, nq)``.
 
     Raises
@@ -81,9 +90,9 @@ def check_coordinate_shape(model: Model, q: ArrayLike) -> Array:
     InputError
         Naming what was given and what was expected.
     """
-    values = _samples_of("q", q, model.nq)
+    values = _samples_of(name, q, model.nq)
     if len(values) == 0:
-        raise InputError("q: got no sample (T = 0), expected at least one")
+        raise InputError(f"{name}: got no sample (T = 0), expected at least one")
     return values
 
 
@@ -94,7 +103,20 @@ def _samples_of(name: str, values: ArrayLike, width: int) -> Array:
     return samples
 
 
-def check_coordinates(model: Model, q: Array) -> None:
+def check_rates(model: Model, v: ArrayLike) -> Array:
+    """Check velocities alone, ``(nv,)`` or ``(T, nv)``, shape and numbers.
+
+    Raises
+    ------
+    InputError
+        Naming what was given and what was expected.
+    """
+    values = _samples_of("v", v, model.nv)
+    _check_finite(model, {"v": np.atleast_2d(values)})
+    return values
+
+
+def check_coordinates(model: Model, q: Array, name: str = "q") -> None:
     """Check that coordinates ``(T, nq)`` are finite, and quaternions, cosines and sines of length 1.
 
     Raises
@@ -102,8 +124,8 @@ def check_coordinates(model: Model, q: Array) -> None:
     InputError
         Naming the joint, what was given and what was expected.
     """
-    _check_finite(model, {"q": q})
-    _check_units(model, q)
+    _check_finite(model, {name: q})
+    _check_units(model, q, name)
 
 
 def check_values(model: Model, state: JointState) -> None:
@@ -114,7 +136,7 @@ def check_values(model: Model, state: JointState) -> None:
     InputError
         Naming the argument, what was given and what was expected.
     """
-    _check_finite(model, {"q": state.q, "v": state.v, "a": state.a})
+    _check_finite(model, {"q": state.q, "v": state.v, state.third: state.a})
     _check_units(model, state.q)
     if state.external is not None and not np.isfinite(state.external).all():
         body, sample, column = (int(k) for k in np.argwhere(~np.isfinite(state.external))[0])
@@ -169,7 +191,7 @@ def _check_finite(model: Model, columns: dict[str, Array]) -> None:
     for name, values in columns.items():
         if not np.isfinite(values).all():
             sample, column = (int(k) for k in np.argwhere(~np.isfinite(values))[0])
-            starts = model.q_starts if name == "q" else model.v_starts
+            starts = model.v_starts if name in _RATES else model.q_starts
             body = int(np.searchsorted(starts, column, side="right")) - 1
             raise InputError(
                 f"{name}: got {values[sample, column]} in sample {sample}, column {column} "
@@ -177,7 +199,7 @@ def _check_finite(model: Model, columns: dict[str, Array]) -> None:
             )
 
 
-def _check_units(model: Model, q: Array) -> None:
+def _check_units(model: Model, q: Array, name: str = "q") -> None:
     for group in model.groups:
         if group.joint.unit is None:
             continue
@@ -187,7 +209,7 @@ def _check_units(model: Model, q: Array) -> None:
             sample, k = (int(x) for x in np.argwhere(wrong)[0])
             part = "quaternion" if group.joint.unit.stop - group.joint.unit.start == 4 else "cosine and sine"
             raise InputError(
-                f"q: got a {part} of length {length[sample, k]:.9g} for {group.joint.name} joint "
+                f"{name}: got a {part} of length {length[sample, k]:.9g} for {group.joint.name} joint "
                 f"{model.names[group.bodies[k]]!r} in sample {sample}, expected length 1"
             )
 

@@ -51,6 +51,14 @@ def tables(text):
     return [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
 
 
+def test_aba(tmp_path):
+    printed, written = run(
+        "aba.py", tmp_path / "aba.json", "--n", "2,3", "--samples", "20", "--one", "2", "--long", "9"
+    )
+    assert {row[0] for row in tables(printed)} > {"2", "3", "9"}
+    assert [len(run["seconds"]) for run in written["batch"]] == [6, 6]
+
+
 def test_batch(tmp_path):
     printed, written = run("batch.py", tmp_path / "batch.json", "--n", "2,3", "--samples", "20", "--joints", "--others")
     assert {row[0] for row in tables(printed)} > {"2", "3", "revolute", "free", "revolute, tree"}

@@ -11,7 +11,7 @@ from mp2a import launch
 
 ROOT = Path(__file__).parents[1]
 UNDER_MPI = {"formation.py"}
-FEWER = {"line.py": ["6"]}
+FEWER = {"line.py": ["6"], "falling_chain.py": ["100"]}
 
 
 @pytest.mark.parametrize("example", sorted((ROOT / "examples").glob("*.py")), ids=lambda path: path.stem)

@@ -192,10 +192,6 @@ def test_unknown_joint_type_is_refused_by_name(joint):
 def test_model_that_is_more_than_a_chain_is_refused():
     with pytest.raises(InputError, match="without joints"):
         Model.from_pinocchio(pinocchio.Model())
-    pin_model = Model.uniform(3).to_pinocchio()
-    pin_model.armature = np.array([0.0, 0.1, 0.0])  # pinocchio's rnea would add it to the torque
-    with pytest.raises(InputError, match="'joint2' has an armature"):
-        Model.from_pinocchio(pin_model)
 
 
 # ---- URDF ----------------------------------------------------------------------------------------------------------
@@ -257,7 +253,6 @@ def test_urdf_of_a_quadruped_is_the_tree_pinocchio_reads(tmp_path, method):
 
 def test_pinocchios_own_humanoid():
     pin_model = pinocchio.buildSampleModelHumanoidRandom(True)
-    pin_model.armature[:] = 0
     model = Model.from_pinocchio(pin_model)
     state = model.random_state()
     expected = pinocchio.rnea(pin_model, pin_model.createData(), *state)

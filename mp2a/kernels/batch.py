@@ -26,7 +26,7 @@ _FEWEST_PIECES, _PIECES = 2, 8
 """Pieces of the work for each thread, so that one that is held up leaves some to the others."""
 
 TABLES = ModelCache(make_tables)
-"""Tables of models, by number format and whether motion and force of the bodies are asked for."""
+"""Tables of models, by number format, whether motion and force of the bodies are asked for, and for which dynamics."""
 
 
 class KernelResult(NamedTuple):
@@ -41,6 +41,15 @@ class KernelResult(NamedTuple):
     valid: bool
     """Whether every sample is as it should be; else some input is not finite, a quaternion not of length 1, an angle
     too large for the kernel, or a result not finite."""
+
+
+class AbaResult(NamedTuple):
+    """What forward dynamics gives."""
+
+    acceleration: Array
+    """Of the joints, ``(T, nv)``."""
+    valid: bool
+    """As in `KernelResult`; not either where nothing resists a joint."""
 
 
 class BlockReduction(NamedTuple):
@@ -108,9 +117,7 @@ def rnea(
     if kernels.compiled(name) is None:
         return None
     samples, inputs = state.samples, _input(state, form)
-    torque = out
-    if torque is None or not _fits(torque, inputs.columnwise) or _overlaps(torque, inputs):
-        torque = np.empty((samples, model.nv), form.dtype, order="F" if inputs.columnwise else "C")
+    torque = _joint_target(model, inputs, form, out)
     base = np.ascontiguousarray(base, form.dtype)
     tip = np.zeros(6, form.dtype) if tip is None else np.ascontiguousarray(tip, form.dtype)
     padded = -(-samples // form.lanes) * form.lanes
@@ -123,6 +130,43 @@ def rnea(
     results = at(torque), _stride(torque, inputs.columnwise), at(output), padded, at(root), 0
     valid = _run(name, model, inputs, ends, results, form, threads, bodies=bodies)
     return KernelResult(torque, output if bodies else None, root[:, :samples], valid)
+
+
+def aba(
+    model: Model,
+    state: JointState,
+    base: Array,
+    *,
+    threads: int | None = None,
+    dtype: np.dtype | type = np.float64,
+    out: Array | None = None,
+) -> AbaResult | None:
+    """Forward dynamics of many samples, or of one; see `mp2a.kernels.aba`.
+
+    Parameters
+    ----------
+    model, base, threads, dtype, out
+        As `rnea` takes them; the joint accelerations go to ``out``.
+    state
+        Input with joint forces in the place of accelerations.
+
+    Returns
+    -------
+    AbaResult or None
+        None if there are no compiled kernels.
+    """
+    form = _format(state.samples, dtype)
+    name = f"aba_{form.name}"
+    if kernels.compiled(name) is None:
+        return None
+    inputs = _input(state, form)
+    acceleration = _joint_target(model, inputs, form, out)
+    base = np.ascontiguousarray(base, form.dtype)
+    at = kernels.pointer
+    ends = at(base), 12 * (base.ndim - 1), 0, 0
+    results = at(acceleration), _stride(acceleration, inputs.columnwise), 0, 0, 0, 0
+    valid = _run(name, model, inputs, ends, results, form, threads, forward_dynamics=True)
+    return AbaResult(acceleration, valid)
 
 
 def reduce_block(
@@ -151,7 +195,7 @@ def reduce_block(
     at = kernels.pointer
     # The kernel has no torque to write, but looks where it would be.
     results = at(inputs.held[0]), 0, at(path), padded, 0 if below is None else at(below), 0
-    valid = _run("reduce_block", model, inputs, (0, 0, 0, 0), results, form, threads, bodies=False)
+    valid = _run("reduce_block", model, inputs, (0, 0, 0, 0), results, form, threads)
     whole, under = (None if x is None else np.ascontiguousarray(x[:, :samples].T) for x in (path, below))
     assert whole is not None
     return BlockReduction(whole, under, valid)
@@ -200,7 +244,9 @@ class _Input(NamedTuple):
 
 
 def _input(state: JointState, form: NumberFormat) -> _Input:
-    columnwise = state.samples >= form.lanes and all(_fits(x, True) for x in (state.q, state.v, state.a))
+    # A single sample in a single lane has its columns where they are.
+    together = state.samples >= form.lanes and all(_fits(x, True) for x in (state.q, state.v, state.a))
+    columnwise = together or form.lanes == 1
     held = tuple(_laid_out(x, form.dtype, columnwise) for x in (state.q, state.v, state.a))
     places: tuple[int, ...] = (0, 0, 0)
     strided = [number for x in held for number in (kernels.pointer(x), _stride(x, columnwise))]
@@ -210,6 +256,13 @@ def _input(state: JointState, form: NumberFormat) -> _Input:
     return _Input(columnwise, (*places, *strided), held)
 
 
+def _joint_target(model: Model, inputs: _Input, form: NumberFormat, out: Array | None) -> Array:
+    """Where a kernel puts what it finds of the joints: ``out``, where that is laid out as the input and apart of it."""
+    if out is not None and _fits(out, inputs.columnwise) and not _overlaps(out, inputs):
+        return out
+    return np.empty((len(inputs.held[0]), model.nv), form.dtype, order="F" if inputs.columnwise else "C")
+
+
 def _overlaps(result: Array, inputs: _Input) -> bool:
     """Tell whether a kernel that writes a result might write over what it has yet to read."""
     return any(np.may_share_memory(result, x) for x in inputs.held)
@@ -217,7 +270,7 @@ def _overlaps(result: Array, inputs: _Input) -> bool:
 
 def _run(
     name: str, model: Model, inputs: _Input, ends: tuple[int, ...], results: tuple[int, ...], form: NumberFormat,
-    threads: int | None, *, bodies: bool,
+    threads: int | None, *, bodies: bool = False, forward_dynamics: bool = False,
 ) -> bool:  # fmt: skip
     """Run a kernel in some threads; tells whether all samples are valid."""
     run = kernels.compiled(name)
@@ -225,7 +278,7 @@ def _run(
     samples = len(inputs.held[0])
     chunks, work = -(-samples // form.lanes), len(model) * samples
     at = kernels.pointer
-    tables = TABLES.get(model, form, bodies)
+    tables = TABLES.get(model, form, bodies, forward_dynamics)
     constants = at(tables.body_constants), at(tables.frame_constants), at(tables.topology)
     sizes = len(model), samples, model.nq, model.nv, inputs.columnwise
     job: NDArray[np.int64] = np.array(

@@ -49,12 +49,12 @@ def columns(real: Real) -> Any:
     return views
 
 
-def prefetch_columns(real: Real, *, rates: bool = True) -> Any:
+def prefetch_columns(real: Real, *, rates: bool = True, accelerated: bool = True) -> Any:
     """Make ``f(job, i, topology, views, begin, ready)``: have the columns of body i in the rings.
 
     Where kernels take columns as they lie, those of a body that comes soon are fetched ahead of time. ``ready`` is how
     many columns of q, and of v and a, are in the rings; returned as it is after. Without ``rates`` only those of q are
-    wanted.
+    wanted, without ``accelerated`` not those of a.
     """
     lanes, ring = real.lanes, 2 * real.lanes
     there, fill, bring = real.there(), transpose_in(real), prefetch(writing=False)
@@ -71,7 +71,8 @@ def prefetch_columns(real: Real, *, rates: bool = True) -> Any:
             if rates and v < nv and v < topology[row + V_COLUMN] + _MOST_V:
                 place = (v & (ring - 1)) * lanes
                 fill(there(job[AT.v]), job[AT.v_stride], begin, final, v, nv, views[1][0], place)
-                fill(there(job[AT.a]), job[AT.a_stride], begin, final, v, nv, views[2][0], place)
+                if accelerated:
+                    fill(there(job[AT.a]), job[AT.a_stride], begin, final, v, nv, views[2][0], place)
                 v += lanes
         else:
             later = i + _AHEAD
@@ -83,6 +84,26 @@ def prefetch_columns(real: Real, *, rates: bool = True) -> Any:
                     bring(views[1][0], column * views[1][2] + lanes - 1)
                     bring(views[2][0], column * views[2][2] + lanes - 1)
         return q, v
+
+    return staged
+
+
+def prefetch_columns_back(real: Real) -> Any:
+    """Make ``f(job, i, topology, view, begin, ready)``: have the third columns of body i in their ring, going back.
+
+    ``ready`` is the first column that is there; returned as it is after.
+    """
+    lanes, ring = real.lanes, 2 * real.lanes
+    there, fill = real.there(), transpose_in(real)
+
+    @compiled
+    def staged(job: Any, i: Any, topology: Any, view: Any, begin: Any, ready: Any) -> Any:
+        while not job[AT.columnwise] and topology[i * TOPOLOGY + V_COLUMN] < ready:
+            first = (ready - 1) // lanes * lanes
+            place = (first & (ring - 1)) * lanes
+            fill(there(job[AT.a]), job[AT.a_stride], begin, job[AT.samples] - 1, first, job[AT.nv], view[0], place)
+            ready = first
+        return ready
 
     return staged
 

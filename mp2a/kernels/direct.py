@@ -121,6 +121,8 @@ def bound(entry: str, plan: NDArray[np.int64], held: object) -> Any:
 
 
 def _direct_rnea(model: Model) -> DirectCall | None:
+    if model.armature.any() or model.has_joint_forces:  # of which the kernel does not know
+        return None
     at, torque, root = kernels.pointer, np.empty(model.nv), np.empty(6)
     base, tip = pack_base(BaseMotion.at_rest(model.gravity)), np.zeros(6)
     tables = TABLES.get(model, SCALAR, False)
@@ -132,6 +134,21 @@ def _direct_rnea(model: Model) -> DirectCall | None:
         Operand((model.nv,), AT.a),
     )
     return direct("rnea_scalar", model, tables, ends, results, operands, (base, tip, root))
+
+
+def _direct_aba(model: Model) -> DirectCall | None:
+    if model.has_joint_forces:
+        return None
+    at, acceleration, base = kernels.pointer, np.empty(model.nv), pack_base(BaseMotion.at_rest(model.gravity))
+    tables = TABLES.get(model, SCALAR, False, True)
+    ends, results = (at(base), 0, 0, 0), (at(acceleration), 1, 0, 0, 0, 0)
+    operands = (
+        Operand((model.nv,), source=acceleration),
+        Operand((model.nq,), AT.q),
+        Operand((model.nv,), AT.v),
+        Operand((model.nv,), AT.a),
+    )
+    return direct("aba_scalar", model, tables, ends, results, operands, base)
 
 
 def _direct_placements(model: Model) -> DirectCall | None:
@@ -146,8 +163,9 @@ def _direct_placements(model: Model) -> DirectCall | None:
     return direct("placements_scalar", model, tables, (0, 0, 0, 0), results, operands)
 
 
-RNEA, PLACEMENTS = ModelCache(_direct_rnea), ModelCache(_direct_placements)
-"""``f(torque, q, v, a)`` of models, in their own gravity, and ``f(rotation, translation, q)``."""
+RNEA, ABA, PLACEMENTS = ModelCache(_direct_rnea), ModelCache(_direct_aba), ModelCache(_direct_placements)
+"""``f(torque, q, v, a)`` and ``f(acceleration, q, v, torque)`` of models, in their own gravity, and
+``f(rotation, translation, q)``."""
 
 
 class _Plan(np.ndarray):

@@ -1,5 +1,6 @@
 """One body on the way out: from the motion of its parent to its own. Only building the kernels imports this module."""
 
+from collections.abc import Callable
 from typing import Any
 
 from mp2a.kernels import steps
@@ -23,7 +24,7 @@ from mp2a.kernels.tables import (
 )
 
 
-def forward_pass(real: Real, motion: int, *, per_lane: bool) -> Any:
+def forward_pass(real: Real, motion: int, *, per_lane: bool, accelerated: bool = True) -> Any:
     """Make the step to a body.
 
     Parameters
@@ -34,6 +35,8 @@ def forward_pass(real: Real, motion: int, *, per_lane: bool) -> Any:
         Numbers of a state, 9 or 12.
     per_lane
         Whether each lane has a body of its own, as `mp2a.kernels.long` has them.
+    accelerated
+        Whether joints have accelerations, else a is not read.
 
     Returns
     -------
@@ -43,9 +46,10 @@ def forward_pass(real: Real, motion: int, *, per_lane: bool) -> Any:
         the backward pass needs: sine and cosine about z, or rotation and place.
     """
     lanes = real.lanes
-    put, store = real.put(), real.store()
-    two, take = real.record(2, per_lane=per_lane), real.take_columns(1)
-    joint_turn_of, joint_pose_of, rates_of = joint_turn(real, per_lane=per_lane), joint_pose(real), _rates(real)
+    put, store, growths = real.put(), real.store(), real.take_columns if accelerated else real.no_columns
+    two, take, take_growth = real.record(2, per_lane=per_lane), real.take_columns(1), growths(1)
+    joint_turn_of, joint_pose_of = joint_turn(real, per_lane=per_lane), joint_pose(real)
+    rates_of, growths_of = _rates(real, real.take_columns), _rates(real, growths)
     fork, single, general = real.lift(steps.fork, motion), _single(real, motion), real.lift(steps.general, motion)
 
     @compiled
@@ -59,14 +63,14 @@ def forward_pass(real: Real, motion: int, *, per_lane: bool) -> Any:
                 state = fork((state, two(frame_constants, i * FRAME_CONSTANTS + 18)))
             turn, place, x, invalid = joint_turn_of(i, invalid, tables, q)
             shares = two(body_constants, i * BODY_CONSTANTS + 16)
-            state = single(kind, state, turn, place, take(v, column)[0], take(a, column)[0], shares)
+            state = single(kind, state, turn, place, take(v, column)[0], take_growth(a, column)[0], shares)
             put(memory, slot, turn[0:2])
             if kind >= PRISMATIC:
                 store(memory, slot + 8 * lanes, x)
         else:
             pose, invalid = joint_pose_of(i, invalid, tables, q)
             put(memory, slot, pose)
-            state = general((state, pose[0:9], pose[9:12], rates_of(kind, v, column), rates_of(kind, a, column)))
+            state = general((state, pose[0:9], pose[9:12], rates_of(kind, v, column), growths_of(kind, a, column)))
         return state, invalid
 
     return step
@@ -90,9 +94,9 @@ def _single(real: Real, motion: int) -> Any:
     return single
 
 
-def _rates(real: Real) -> Any:
+def _rates(real: Real, take: Callable[[int], Any]) -> Any:
     """Columns of joints with several degrees of freedom as [angular; linear]."""
-    three, six = real.take_columns(3), real.take_columns(6)
+    three, six = take(3), take(6)
     planar, spherical, free = (
         real.lift(formula, 6) for formula in (steps.planar_rates, steps.spherical_rates, steps.free_rates)
     )

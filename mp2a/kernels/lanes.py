@@ -193,6 +193,21 @@ class Real:
 
         return take
 
+    def no_columns(self, count: int) -> Any:
+        """``no_columns(view, column)``: zeros, where `take_columns` would read."""
+        vector = self.vector
+
+        @intrinsic
+        def take(context: Any, view: Any, column: Any) -> Any:
+            result = types.UniTuple(vector, count)
+
+            def emit(context: Any, builder: Any, form: Any, arguments: Sequence[Any]) -> Any:
+                return ir.Constant(context.get_value_type(result), None)
+
+            return result(view, types.int64), emit
+
+        return take
+
     def put_columns(self) -> Any:
         """``put_columns(view, column, vectors)``: `take_columns` the other way."""
 

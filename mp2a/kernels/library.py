@@ -85,6 +85,7 @@ ARGUMENTS = {
             "rnea_double", "rnea_double_bodies", "rnea_single", "rnea_single_bodies",
             "rnea_lanes", "rnea_lanes_bodies", "reduce_block",
             "reduce_block_lanes", "rnea_scalar", "rnea_scalar_bodies", "placements_double", "placements_scalar",
+            "aba_double", "aba_single", "aba_scalar",
         ),
         "nnnnn",
     ),

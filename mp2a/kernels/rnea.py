@@ -43,7 +43,7 @@ def rnea(real: Real, *, bodies: bool, per_lane: bool = False) -> Callable[..., N
     there, zero, is_nan, put_apart, where = real.there(), real.zero(), real.is_nan(), real.put_apart(), columns(real)
     gather_six, nine, aligned = gather(real, 6), real.record(9, per_lane=per_lane), real.aligned()
     total, without = real.lift(steps.total, 6), real.lift(steps.without, 6)
-    out = _out(real, motion, bodies=bodies, per_lane=per_lane)
+    out = forward_sweep(real, motion, bodies=bodies, per_lane=per_lane)
     back = _back(real, bodies=bodies, per_lane=per_lane)
     put, six_vectors, invalid_results = real.put(), real.vectors(6), real.lift(steps.invalid_results)
 
@@ -75,13 +75,14 @@ def rnea(real: Real, *, bodies: bool, per_lane: bool = False) -> Callable[..., N
     return run
 
 
-def _out(real: Real, motion: int, *, bodies: bool, per_lane: bool) -> Any:
-    """Motion of all bodies, and the wrenches that it takes."""
+def forward_sweep(real: Real, motion: int, *, bodies: bool, per_lane: bool, accelerated: bool = True) -> Any:
+    """Motion of all bodies, and the wrenches that it takes; without ``accelerated`` the joints' accelerations are 0."""
     lanes, ring = real.lanes, 2 * real.lanes
-    there, ahead, put, report, staged = real.there(), real.ahead(), real.put(), scatter(real), prefetch_columns(real)
+    there, ahead, put, report = real.there(), real.ahead(), real.put(), scatter(real)
+    staged = prefetch_columns(real, accelerated=accelerated)
     gather_motion, gather_six, motion_vectors = gather(real, motion), gather(real, 6), real.vectors(motion)
     one, three, six, nine = (real.record(count, per_lane=per_lane) for count in (1, 3, 6, 9))
-    step = forward_pass(real, motion, per_lane=per_lane)
+    step = forward_pass(real, motion, per_lane=per_lane, accelerated=accelerated)
     wrench_of, without = real.lift(steps.wrench, 6), real.lift(steps.without, 6)
     reported = real.lift(steps.reported, 12)
 

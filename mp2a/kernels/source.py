@@ -1,6 +1,7 @@
 """The kernels by name: formulas, and functions for numba to compile. Only building imports this module."""
 
 from mp2a.kernels import formulas, joint_formulas
+from mp2a.kernels.aba import aba
 from mp2a.kernels.direct_call import direct_call
 from mp2a.kernels.lanes import DOUBLE, SCALAR, SINGLE
 from mp2a.kernels.placements import placements
@@ -31,6 +32,9 @@ KERNELS = {
     "rnea_scalar_bodies": rnea(SCALAR, bodies=True),
     "placements_double": placements(DOUBLE),
     "placements_scalar": placements(SCALAR),
+    "aba_double": aba(DOUBLE),
+    "aba_single": aba(SINGLE),
+    "aba_scalar": aba(SCALAR),
     "direct_call": direct_call,
     "replay": replay,
     "replay_call": replay_call,

@@ -40,7 +40,7 @@ def _to_parent(turn: Numbers, x: Numbers) -> Numbers:
     return cosine * x[0] - sine * x[1], cosine_x * y - sine_x * x[2], sine_x * y + cosine_x * x[2]
 
 
-def _to_body(turn: Numbers, x: Numbers) -> Numbers:
+def to_body(turn: Numbers, x: Numbers) -> Numbers:
     """Vector of the parent in the body's frame."""
     sine, cosine, cosine_x, sine_x = turn
     y = cosine_x * x[1] + sine_x * x[2]
@@ -102,14 +102,14 @@ def join(wrench: Numbers, offset: Numbers) -> tuple[Numbers, ...]:
 
 def revolute(state: Numbers, turn: Numbers, place: Numbers, rate: Symbol, growth: Symbol) -> tuple[Numbers, ...]:
     """State of a body that turns about z."""
-    w, dw, a, v, rest = _follow(state, place, partial(_to_body, turn))
+    w, dw, a, v, rest = _follow(state, place, partial(to_body, turn))
     dw = dw[0] + w[1] * rate, dw[1] - w[0] * rate, dw[2] + growth
     return (w[0], w[1], w[2] + rate), dw, a, *v, *rest
 
 
 def prismatic(state: Numbers, turn: Numbers, place: Numbers, rate: Symbol, growth: Symbol) -> tuple[Numbers, ...]:
     """State of a body that slides along z."""
-    w, dw, a, v, rest = _follow(state, place, partial(_to_body, turn))
+    w, dw, a, v, rest = _follow(state, place, partial(to_body, turn))
     a = a[0] + 2.0 * w[1] * rate, a[1] - 2.0 * w[0] * rate, a[2] + growth
     return w, dw, a, *((x[0], x[1], x[2] + rate) for x in v), *rest
 
@@ -118,7 +118,7 @@ def screw(
     state: Numbers, turn: Numbers, place: Numbers, rate: Symbol, growth: Symbol, shares: Numbers
 ) -> tuple[Numbers, ...]:
     """State of a body that turns about z and slides along it by shares, one of which is 1 and the other 0."""
-    w, dw, a, v, rest = _follow(state, place, partial(_to_body, turn))
+    w, dw, a, v, rest = _follow(state, place, partial(to_body, turn))
     turning, sliding = shares[0] * rate, shares[1] * rate
     dw = dw[0] + w[1] * turning, dw[1] - w[0] * turning, dw[2] + shares[0] * growth
     a = a[0] + 2.0 * w[1] * sliding, a[1] - 2.0 * w[0] * sliding, a[2] + shares[1] * growth
@@ -237,7 +237,7 @@ def fork_pose(pose: Numbers, offset: Numbers) -> tuple[Numbers, ...]:
 
 def turned_pose(pose: Numbers, turn: Numbers, place: Numbers) -> tuple[Numbers, ...]:
     """Pose of a body with one degree of freedom, from its parent's."""
-    return *(_to_body(turn, row) for row in _parts(pose[0:9])), add(pose[9:12], apply(pose[0:9], place))
+    return *(to_body(turn, row) for row in _parts(pose[0:9])), add(pose[9:12], apply(pose[0:9], place))
 
 
 def general_pose(pose: Numbers, rotation: Numbers, place: Numbers) -> tuple[Numbers, ...]:
@@ -285,7 +285,7 @@ def free_rates(v: Numbers) -> Numbers:
 
 def invalid_angle(invalid: Symbol, q: Symbol, offset: Symbol) -> Symbol:
     """``invalid``, but not a number where an angle is too large for `sine_and_cosine`."""
-    return _unless(_within(q + offset, largest_angle(q)), invalid)
+    return unless(_within(q + offset, largest_angle(q)), invalid)
 
 
 def invalid_length(invalid: Symbol, numbers: Numbers) -> Symbol:
@@ -293,7 +293,7 @@ def invalid_length(invalid: Symbol, numbers: Numbers) -> Symbol:
     square = numbers[0] * numbers[0]
     for number in numbers[1:]:
         square = square + number * number
-    return _unless(_within(square - 1.0, 1e-6), invalid)
+    return unless(_within(square - 1.0, 1e-6), invalid)
 
 
 def invalid_results(invalid: Symbol, results: Numbers) -> Symbol:
@@ -309,5 +309,6 @@ def _within(x: Symbol, bound: float) -> ir.Value:
     return build.and_(above, build.fcmp_ordered(">=", x.value, x.constant(-bound).value))
 
 
-def _unless(sure: ir.Value, invalid: Symbol) -> Symbol:
+def unless(sure: ir.Value, invalid: Symbol) -> Symbol:
+    """``invalid``, but not a number where something is not sure."""
     return Symbol(invalid.builder, invalid.builder.select(sure, invalid.value, invalid.constant(float("nan")).value))

@@ -56,6 +56,9 @@ class Symbol:
     def __rsub__(self, number: float) -> Symbol:
         return self.constant(number) - self
 
+    def __rtruediv__(self, number: float) -> Symbol:
+        return self.constant(number)._note("fdiv", self)
+
     def __neg__(self) -> Symbol:
         return Symbol(self.builder, self.builder.fneg(self.value))
 

@@ -23,21 +23,28 @@ _KINDS = {
 }  # fmt: skip
 """SCREW is no joint of the library: it turns or slides by shares, so that lanes with different joints do the same."""
 
-KIND, Q_COLUMN, V_COLUMN, SLOT, FORCE, FROM, KEEP, RETURN, FORK = range(9)
+KIND, Q_COLUMN, V_COLUMN, SLOT, FORCE, FROM, KEEP, RETURN, FORK, GAINS = range(10)
 """Columns of the table of whole numbers. Places are numbers from the start of the scratch memory: of what a body
 leaves for the way back, of its wrench, of its parent's state (-1: the body before it is the parent), of its own state
-if others need it (else -1), and of the parent's wrench."""
+if others need it (else -1), of the parent's wrench, and of what forward dynamics leaves of the joint."""
 
-TOPOLOGY = 9
-BODY_CONSTANTS = 18
-"""Numbers a body in the first table: cosine and sine about x, place (3), mass, moment (3), inertia (6), angle, and how
-much a `SCREW` turns and slides."""
+TOPOLOGY = 10
+BODY_CONSTANTS = 24
+"""Numbers a body in the first table: cosine and sine about x, place (3), mass, moment (3), inertia (6), angle, how much
+a `SCREW` turns and slides, and the armature of each degree of freedom (6)."""
+
+ARMATURE = 18
+"""Where the armature begins."""
+
 FRAME_CONSTANTS = 22
 """In the second: the user's frame (9), rotation of joints with several degrees of freedom (9), cosine and sine of the
 turn that a fork brings along, cosine and sine of the joint's angle."""
 
 CACHE_LINE = 64
 """Bytes. Vectors that lie across two lines take twice the time."""
+
+GAIN, INERTIA = 7, 21
+"""Numbers that forward dynamics keeps of a degree of freedom, and of a body's articulated inertia."""
 
 _RINGS, _WRENCH = 3, 6
 
@@ -54,7 +61,6 @@ NUMBER_FORMATS = {
     np.dtype(np.float64): NumberFormat("double", 8, np.dtype(np.float64)),
     np.dtype(np.float32): NumberFormat("single", 16, np.dtype(np.float32)),
 }
-
 
 SCALAR = NumberFormat("scalar", 1, np.dtype(np.float64))
 """For one sample alone, which would leave all lanes but one empty."""
@@ -174,7 +180,7 @@ def choose_frames(model: Model) -> AxisFrames:
     return AxisFrames(kinds, user, general, places, np.where(single, about_x, 0.0), angle, fork)
 
 
-def make_tables(model: Model, format_: NumberFormat, bodies: bool) -> ModelTables:
+def make_tables(model: Model, format_: NumberFormat, bodies: bool, forward_dynamics: bool = False) -> ModelTables:
     """Make the tables of a chain; with ``bodies`` for kernels whose states have 12 numbers, not 9."""
     frames = choose_frames(model)
     n, lanes = len(model), format_.lanes
@@ -188,17 +194,22 @@ def make_tables(model: Model, format_: NumberFormat, bodies: bool) -> ModelTable
     body_constants[:, 15] = frames.angle
     body_constants[:, 17] = frames.kinds == PRISMATIC
     body_constants[:, 16] = 1.0 - body_constants[:, 17]
+    body_constants[:, ARMATURE:] = 0.0
+    for group in model.groups:
+        body_constants[group.bodies, ARMATURE : ARMATURE + group.joint.nv] = model.armature[group.v_columns]
     frame_constants = np.empty((n, FRAME_CONSTANTS))
     frame_constants[:, :9] = frames.user.reshape(n, 9)
     frame_constants[:, 9:18] = frames.general.reshape(n, 9)
     frame_constants[:, 18], frame_constants[:, 19] = np.cos(frames.fork), np.sin(frames.fork)
     frame_constants[:, 20], frame_constants[:, 21] = np.cos(frames.angle), np.sin(frames.angle)
-    topology, vectors = _lay_out(model, frames, 12 if bodies else 9, lanes)
+    topology, vectors = _lay_out(model, frames, 12 if bodies else 9, lanes, forward_dynamics)
     scratch = vectors * lanes + CACHE_LINE // format_.dtype.itemsize
     return ModelTables(body_constants.astype(format_.dtype), frame_constants.astype(format_.dtype), topology, scratch)
 
 
-def _lay_out(model: Model, frames: AxisFrames, motion: int, lanes: int) -> tuple[NDArray[np.int64], int]:
+def _lay_out(
+    model: Model, frames: AxisFrames, motion: int, lanes: int, forward_dynamics: bool
+) -> tuple[NDArray[np.int64], int]:
     """Give everything its place in the scratch memory; returns the table and how many vectors there are."""
     n, parents = len(model), model.parents
     ground = _RINGS * 2 * lanes
@@ -206,19 +217,25 @@ def _lay_out(model: Model, frames: AxisFrames, motion: int, lanes: int) -> tuple
     kept = np.zeros(n, dtype=bool)
     kept[parents[apart & (parents >= 0)]] = True
     single, prismatic = frames.kinds < PLANAR, frames.kinds == PRISMATIC
-    sizes = np.where(single, 8 + prismatic, 18) + np.where(kept, motion, 0)
-    ends = ground + motion + _WRENCH + np.cumsum(sizes)
+    gain, inertia = (GAIN, INERTIA) if forward_dynamics else (0, 0)
+    # Where nothing lies behind a wrench, what forward dynamics leaves of the joint may go over it: it comes later.
+    poses = np.where(single, 8 + prismatic, 18)
+    gains_at = np.where(single & ~prismatic, 2, poses)
+    others = motion + inertia
+    sizes = np.maximum(poses, gains_at + gain * np.diff(model.v_starts)) + np.where(kept, others, 0)
+    ends = ground + others + _WRENCH + np.cumsum(sizes)
     starts = ends - sizes
     table = np.empty((n, TOPOLOGY), dtype=np.int64)
     table[:, KIND] = frames.kinds
     table[:, Q_COLUMN], table[:, V_COLUMN] = model.q_starts[:-1], model.v_starts[:-1]
     table[:, SLOT] = starts * lanes
     table[:, FORCE] = (starts + np.where(single, 2, 12)) * lanes
-    keep = (ends - motion) * lanes
+    table[:, GAINS] = (starts + gains_at) * lanes
+    keep = (ends - others) * lanes
     table[:, KEEP] = np.where(kept, keep, -1)
     rooted = parents < 0
     table[:, FROM] = np.where(apart, np.where(rooted, ground * lanes, keep[parents]), -1)
-    table[:, RETURN] = np.where(rooted, (ground + motion) * lanes, table[parents, FORCE])
+    table[:, RETURN] = np.where(rooted, (ground + others) * lanes, table[parents, FORCE])
     table[:, FORK] = frames.fork != 0
     return table, int(ends[-1])
 

@@ -34,8 +34,6 @@ def from_model(model: pinocchio.Model) -> dict[str, Any]:
         joints.append(kind)
         if kind in _AXIAL.values():
             axes[i] = _axis(model, i + 1)
-        if np.any(model.armature[model.joints[i + 1].idx_v :][: model.joints[i + 1].nv]):
-            raise InputError(f"model: joint {model.names[i + 1]!r} has an armature, which mp2a does not know")
     bodies = [model.inertias[i + 1] for i in range(n)]
     return {
         "parents": np.array([model.parents[i + 1] - 1 for i in range(n)]),
@@ -48,6 +46,11 @@ def from_model(model: pinocchio.Model) -> dict[str, Any]:
         "inertias": np.array([body.inertia for body in bodies]),
         "names": tuple(model.names[i + 1] for i in range(n)),
         "gravity": np.array(model.gravity.linear),
+        "armature": np.array(model.armature),
+        "damping": np.array(model.damping),
+        "friction": np.where(
+            model.lowerDryFrictionLimit == -model.upperDryFrictionLimit, model.upperDryFrictionLimit, 0.0
+        ),
     }
 
 
@@ -62,6 +65,8 @@ def to_model(fields: dict[str, Any]) -> pinocchio.Model:
         index = model.addJoint(int(parent) + 1, joint, placement, str(fields["names"][i]))
         body = pinocchio.Inertia(float(fields["masses"][i]), fields["coms"][i], fields["inertias"][i])
         model.inertias[index] = body  # appendBodyToJoint would go through a weighted mean and lose the last bit
+    model.armature, model.damping = fields["armature"], fields["damping"]
+    model.upperDryFrictionLimit, model.lowerDryFrictionLimit = fields["friction"], -fields["friction"]
     return model
 
 

@@ -12,6 +12,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from mp2a.exceptions import InputError
+from mp2a.joints import JOINTS
 from mp2a.spatial import Array, inertia_at_origin
 
 _KINDS = {
@@ -84,6 +85,8 @@ class _Joint(NamedTuple):
     child: str
     pose: _Pose
     axis: Array
+    damping: float = 0.0
+    friction: float = 0.0
 
 
 # ---- from the text ---------------------------------------------------------------------------------------------------
@@ -132,8 +135,21 @@ def _joints(robot: Element) -> list[_Joint]:
         direction = np.array([1.0, 0.0, 0.0]) if axis is None else _numbers(axis, "xyz", where, 3)
         if kind == "planar" and axis is not None and (direction[:2].any() or direction[2] <= 0):
             raise _WrongError(f"{where}: got a planar joint of axis {direction}, expected 0 0 1")
-        joints[name] = _Joint(name, _KINDS[kind], parent, child, _pose(element, where), direction)
+        joints[name] = _Joint(
+            name, _KINDS[kind], parent, child, _pose(element, where), direction, *_dynamics(element, where)
+        )
     return list(joints.values())
+
+
+def _dynamics(joint: Element, where: str) -> tuple[float, float]:
+    """Damping and dry friction of a joint, the same along each of its directions."""
+    dynamics = joint.find("dynamics")
+    if dynamics is None:
+        return 0.0, 0.0
+    (damping,), (friction,) = (_numbers(dynamics, name, where, 1, "0") for name in ("damping", "friction"))
+    if damping < 0 or friction < 0:
+        raise _WrongError(f"{where}: got damping {damping} and friction {friction}, expected no negative ones")
+    return damping, friction
 
 
 def _pose(element: Element, where: str) -> _Pose:
@@ -203,6 +219,7 @@ def _assemble(links: dict[str, _Body], joints: list[_Joint], root: str) -> dict[
         raise _WrongError(f"only {seen} of its {len(links)} links hang on {first!r}, expected no loop")
     if not bodies:
         raise _WrongError("it is a robot without joints, expected at least one that moves")
+    degrees = [JOINTS[str(joint.kind)].nv for joint in moving]
     coms = [body.moment / body.mass if body.mass else np.zeros(3) for body in bodies]
     about_coms = [
         body.inertia - inertia_at_origin(np.array(body.mass), com, np.zeros((3, 3)))
@@ -218,6 +235,8 @@ def _assemble(links: dict[str, _Body], joints: list[_Joint], root: str) -> dict[
         "coms": coms,
         "inertias": about_coms,
         "names": tuple(joint.name for joint in moving),
+        "damping": np.repeat([joint.damping for joint in moving], degrees),
+        "friction": np.repeat([joint.friction for joint in moving], degrees),
     }
 
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mp2a.joint_kinematics import BaseMotion, joint_motion, joint_torque
+from mp2a.joint_kinematics import BaseMotion, drive_forces, joint_motion, joint_torque
 from mp2a.kernels import batch, direct, long
 from mp2a.model import Model
 from mp2a.spatial import Array, body_force, force_to_parent, motion_to_child, velocity_product
@@ -67,6 +67,7 @@ def rnea(
     """
     form = np.dtype(dtype)
     motion = batch.pack_base(base)
+    drives = drive_forces(model, state)
     result: batch.KernelResult | None
     if form == np.float64 and long.fits(model, state.samples):
         result = long.rnea(model, state, motion, distal_force, bodies=bodies, threads=threads)
@@ -82,6 +83,8 @@ def rnea(
         torque, base_force = torque.astype(form, copy=False), base_force.astype(form, copy=False)
     else:
         torque, table, base_force = result.torque, result.bodies, result.root.T
+    if drives is not None:
+        torque += drives
     return Recursion(_put(torque, out), None if table is None else _put(table, rows), base_force)
 
 
