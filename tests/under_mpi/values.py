@@ -28,7 +28,7 @@ for branching in (1, 3):
             check(np.array_equal(formation.broadcast(own), np.arange(count) + 100.0 * root))
         for schedule, name in ((parent_to_child, "send_to_children"), (broadcast, "broadcast")):
             transfers = [transfer for round_ in schedule(model.parents).rounds for transfer in round_.transfers]
-            sent = formation._calls.program(name).transport.messages
+            sent = formation._calls.program((name,)).transport.messages
             check(sum(sent.values()) == 3 * sum((source == RANK).sum() for _, source, _ in transfers))
 
         q, v, a = model.random_state(seed=3)
