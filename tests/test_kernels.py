@@ -299,7 +299,7 @@ def test_no_compiled_kernels_are_said_once(tmp_path):
 
 
 def test_rank_whose_builder_is_stuck_says_so(tmp_path):
-    code = "from mp2a.kernels import library; print(0, f'kernels-{library._purpose()}')"
+    code = "from mp2a.kernels import library; print(0, f'kernels-usual-{library._purpose()}')"
     _, stem = report(start(tmp_path / "cache", code))
     (tmp_path / "cache" / "mp2a").mkdir(parents=True, mode=0o700)
     with (tmp_path / "cache" / "mp2a" / f"{stem}.lock").open("w") as lock:
@@ -310,6 +310,11 @@ def test_rank_whose_builder_is_stuck_says_so(tmp_path):
     assert why in said
 
 
+def test_every_kernel_is_in_one_part():
+    parts = kernels.library.PARTS.values()
+    assert sorted(name for names in parts for name in names) == sorted(kernels.library.ARGUMENTS)
+
+
 @builds
 def test_object_that_the_linker_does_not_take_is_loaded_by_llvm(tmp_path, monkeypatch):
     """As on another system, whose shared objects are of another kind."""
@@ -317,15 +322,12 @@ def test_object_that_the_linker_does_not_take_is_loaded_by_llvm(tmp_path, monkey
     def refuse(content):
         raise linker.LinkError("another system")
 
-    few = {"compose": kernels.library.ARGUMENTS["compose"]}
-    monkeypatch.setattr(kernels.library, "ARGUMENTS", few)
-    monkeypatch.setattr(compiler, "ARGUMENTS", few)
     monkeypatch.setattr(compiler, "shared_object", refuse)
     (tmp_path / "cache").mkdir(mode=0o700)
-    compiler.make(str(tmp_path / "cache"), "kernels")
+    compiler.make(str(tmp_path / "cache"), "kernels", ["compose"])
     path = kernels.library.find(tmp_path / "cache", "kernels")
     assert path.suffix == ".o"
-    compose = kernels.library._open(path)["compose"]
+    compose = kernels.library._open(path, ["compose"])["compose"]
     x, y = arrays("compose", (11,), 0)
     out = np.empty_like(x)
     compose(11, *(kernels.pointer(array) for array in (out, x, y)))

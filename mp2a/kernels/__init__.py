@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from mp2a.kernels.library import ELEMENTWISE, BuilderStuckError, Kernel, UnavailableError, obtain
+from mp2a.kernels.library import ELEMENTWISE, PARTS, USUAL, BuilderStuckError, Kernel, UnavailableError, obtain
 from mp2a.mpi_environment import rank_info, under_mpi
 from mp2a.spatial import Array, force_to_parent
 
@@ -39,6 +39,9 @@ Reading it there takes a tenth of the time that asking the array takes."""
 _run: dict[str, Kernel] = {}
 _kept: list[NDArray[Any]] = []
 """Tables that compiled code has the addresses of."""
+_missing: set[str] = set()
+"""Kernels that could not be had."""
+
 _status: Status | None = None
 
 
@@ -57,8 +60,14 @@ def build() -> Status:
 
 
 def compiled(name: str) -> Kernel | None:
-    """Return a compiled kernel, or None if there is none; loads them if need be."""
-    status()
+    """Return a compiled kernel, or None if there is none; loads its part if need be."""
+    if status().compiled and name not in _run and name not in _missing:
+        part = next(part for part, names in PARTS.items() if name in names)
+        try:
+            _run.update(obtain(part, patient=not under_mpi())[1])
+        except UnavailableError as error:
+            _missing.update(PARTS[part])
+            _complain(error)
     return _run.get(name)
 
 
@@ -130,18 +139,22 @@ def outside() -> int:
 def _load(*, patient: bool) -> Status:
     global _status  # noqa: PLW0603
     try:
-        path, kernels = obtain(patient=patient)
+        path, kernels = obtain(USUAL, patient=patient)
         if not _knows_arrays():
             raise UnavailableError("this numpy keeps in another place what it knows of an array")
     except UnavailableError as error:
         _status = Status(False, str(error))
-        rank = rank_info()
-        if rank is None or rank.rank == 0 or isinstance(error, BuilderStuckError):
-            print(f"mp2a: no compiled kernels, numpy is 10 to 100 times slower: {error}", file=sys.stderr, flush=True)
+        _complain(error)
     else:
         _run.update(kernels)
         _status = Status(True, str(path))
     return _status
+
+
+def _complain(error: UnavailableError) -> None:
+    rank = rank_info()
+    if rank is None or rank.rank == 0 or isinstance(error, BuilderStuckError):
+        print(f"mp2a: no compiled kernels, numpy is 10 to 100 times slower: {error}", file=sys.stderr, flush=True)
 
 
 def _knows_arrays() -> bool:

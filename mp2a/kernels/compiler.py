@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from multiprocessing import get_context
@@ -15,13 +16,13 @@ from mp2a.kernels.library import ARGUMENTS, CPU_FEATURES, ELEMENTWISE, RESULTS, 
 from mp2a.kernels.linker import LinkError, shared_object
 
 
-def make(folder: str, stem: str) -> None:
-    """Compile all kernels into a file of a folder.
+def make(folder: str, stem: str, names: Sequence[str]) -> None:
+    """Compile kernels into a file of a folder.
 
     Several processes compile; LLVM puts what they have made into one module and that into one object.
     """
     with ProcessPoolExecutor(usable_cores(), mp_context=get_context("fork")) as processes:
-        modules = list(processes.map(bitcode, ARGUMENTS))
+        modules = list(processes.map(bitcode, names))
     content, suffix = machine_code(modules), "o"
     with suppress(LinkError):  # on another system or processor the object is what there is, and LLVM loads it
         content, suffix = shared_object(content), "so"

@@ -1,13 +1,13 @@
 """Functions that a process calls without numba: where the compiled kernels are kept, found, built and loaded.
 
 numba takes 56 MB and 0.6 s in every process that imports it, too much for hundreds of ranks. So a separate process
-compiles the kernels to one shared object (`mp2a.kernels.compiler`), once for each kind of processor and version of the
-package, and the others load that with ctypes: 0.1 MB and a millisecond. Where `mp2a.kernels.linker` knows no shared
-objects, LLVM's own loader takes the object as it is, for 8 MB and 60 ms a process.
+compiles the kernels to shared objects (`mp2a.kernels.compiler`), once for each kind of processor and version of the
+package, a part when it is first wanted, and the others load them with ctypes: 0.1 MB and a millisecond. Where
+`mp2a.kernels.linker` knows no shared objects, LLVM's own loader takes the object as it is, for 8 MB and 60 ms a process.
 
-The file lies in the user's cache directory as ``kernels-<what it is for>-<checksum>.so`` (or ``.o``). It is written
-elsewhere and renamed, so it is whole or not there; should it be damaged all the same, its checksum tells, and it counts
-as not there. Processes that build at once do the work twice and nothing worse.
+A file lies in the user's cache directory as ``kernels-<part>-<what it is for>-<checksum>.so`` (or ``.o``). It is
+written elsewhere and renamed, so it is whole or not there; should it be damaged all the same, its checksum tells, and
+it counts as not there. Processes that build at once do the work twice and nothing worse.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import platform
 import stat
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -100,8 +100,23 @@ ARGUMENTS = {
 RESULTS = "direct_call", "replay", "replay_call"
 """Those of them that return a whole number."""
 
+USUAL = "usual"
+
+PARTS = {
+    USUAL: (
+        *ELEMENTWISE, "replay", "replay_call", "direct_call", "pool_worker", "pool_run", "rnea_double", "rnea_scalar",
+    ),
+    "bodies": ("rnea_double_bodies", "rnea_scalar_bodies"),
+    "single": ("rnea_single", "rnea_single_bodies"),
+    "long": ("rnea_lanes", "rnea_lanes_bodies", "reduce_block", "reduce_block_lanes"),
+    "placements": ("placements_double", "placements_scalar"),
+    "aba": ("aba_double", "aba_scalar"),
+    "aba-single": ("aba_single",),
+}  # fmt: skip
+"""Kernels that are built together, when one of them is first wanted."""
+
 BUILD_LIMIT = 300.0
-"""Seconds after which a build has failed. On two cores with nothing else to do it takes about ten."""
+"""Seconds after which a build has failed. On two cores with nothing else to do a part takes about ten."""
 
 CPU_FEATURES = "MP2A_CPU_FEATURES"
 """Environment variable with changes to the processor's features, in LLVM's words: ``-avx512f`` for kernels as a
@@ -126,11 +141,13 @@ class BuilderStuckError(UnavailableError):
     """Another process has been building them for too long."""
 
 
-def obtain(*, patient: bool) -> tuple[Path, dict[str, Kernel]]:
-    """Load the kernels, and build them first where they are not there.
+def obtain(part: str, *, patient: bool) -> tuple[Path, dict[str, Kernel]]:
+    """Load the kernels of a part, and build them first where they are not there.
 
     Parameters
     ----------
+    part
+        One of `PARTS`.
     patient
         Whether to try again what failed some minutes ago. Not for ranks, which start by the hundreds.
 
@@ -148,20 +165,20 @@ def obtain(*, patient: bool) -> tuple[Path, dict[str, Kernel]]:
     """
     if sys.implementation.name != "cpython":
         raise UnavailableError(f"{sys.implementation.name} does not say where arrays lie in memory")
-    stem, reason = f"kernels-{_purpose()}", "no directory to keep them in"
+    stem, reason = f"kernels-{part}-{_purpose()}", "no directory to keep them in"
     for folder in cache_folders():
         if path := find(folder, stem):
             with suppress(*_UNUSABLE):  # perhaps a file system that allows no programs
-                return path, _open(path)
+                return path, _open(path, PARTS[part])
     for folder in cache_folders():
         try:
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
             if not is_private(folder):
                 reason = f"{folder} is not this user's own"
                 continue
-            _ensure(folder, stem, patient)
+            _ensure(folder, stem, part, patient)
             if path := find(folder, stem):
-                return path, _open(path)
+                return path, _open(path, PARTS[part])
         except _UNUSABLE as error:
             reason = str(error)
     raise UnavailableError(reason)
@@ -227,11 +244,11 @@ def is_private(folder: Path) -> bool:
     return stat.S_ISDIR(state.st_mode) and state.st_uid == os.getuid() and not state.st_mode & 0o022
 
 
-def _open(path: Path) -> dict[str, Kernel]:
+def _open(path: Path, names: Iterable[str]) -> dict[str, Kernel]:
     address_of = _open_object(path) if path.suffix == ".o" else _open_shared(path)
     kernels: dict[str, Kernel] = {}
-    for name, arguments in ARGUMENTS.items():
-        kinds = [ctypes.c_ssize_t if kind == "n" else ctypes.c_void_p for kind in arguments]
+    for name in names:
+        kinds = [ctypes.c_ssize_t if kind == "n" else ctypes.c_void_p for kind in ARGUMENTS[name]]
         prototype = ctypes.CFUNCTYPE(ctypes.c_ssize_t if name in RESULTS else None, *kinds)
         kernels[name] = prototype(address_of(f"mp2a_{name}"))
     return kernels
@@ -256,7 +273,7 @@ def _open_object(path: Path) -> Callable[[str], int]:
     return lambda name: int(engine.get_function_address(name))
 
 
-def _ensure(folder: Path, stem: str, patient: bool) -> None:
+def _ensure(folder: Path, stem: str, part: str, patient: bool) -> None:
     """Build in this folder, or wait for the process that does."""
     failure = folder / f"{stem}.failed"
     # What has failed is tried again by who started later, but by a rank not at once: ranks start by the hundreds.
@@ -271,7 +288,7 @@ def _ensure(folder: Path, stem: str, patient: bool) -> None:
                 return
             if is_mine:
                 try:
-                    _build(folder, stem)
+                    _build(folder, stem, part)
                 except UnavailableError as error:
                     with suppress(OSError):
                         failure.write_text(str(error), encoding="utf-8")
@@ -298,7 +315,7 @@ def _locked(path: Path) -> Iterator[bool]:
         yield is_mine
 
 
-def _build(folder: Path, stem: str) -> None:
+def _build(folder: Path, stem: str, part: str) -> None:
     """Compile in a process of its own, so that this one does without numba."""
     # Only here, as what they import themselves is a third of what loading takes a rank.
     import subprocess
@@ -307,13 +324,13 @@ def _build(folder: Path, stem: str) -> None:
     if find_spec("numba") is None:
         raise UnavailableError("numba is not installed, which compiles them")
     if sys.stderr is not None and sys.stderr.isatty():
-        print("mp2a: compiling the kernels for this processor, once; a few seconds", file=sys.stderr, flush=True)
+        print(f"mp2a: compiling kernels for this processor, once: {part}; some seconds", file=sys.stderr, flush=True)
     # Not the settings of numba that a user may have for other programs, and not those that make a process a rank.
     foreign = ("PYTHONWARNINGS", "NUMBA_", "OMPI_", "PMIX_", "PMI_", "PRTE_")
     environment = {name: value for name, value in os.environ.items() if not name.startswith(foreign)}
     environment["PYTHONPATH"] = os.pathsep.join(path or "." for path in sys.path)
-    code = "import sys; from mp2a.kernels.compiler import make; make(*sys.argv[1:])"
-    command = [sys.executable, "-c", code, str(folder), stem]
+    code = "import sys; from mp2a.kernels.compiler import make; make(sys.argv[1], sys.argv[2], sys.argv[3:])"
+    command = [sys.executable, "-c", code, str(folder), stem, *PARTS[part]]
     try:
         subprocess.run(
             command,
