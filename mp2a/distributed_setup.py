@@ -129,15 +129,8 @@ def choose_method(link: Link, nodes: Formation, samples: int) -> Choice:
 
 def _read(model: "Model | pinocchio.Model | str | Path") -> Model:
     if not isinstance(model, str | Path):
-        whole = check_model(model)
-    else:
-        whole = Model.load(model) if Path(model).suffix == ".npz" else Model.from_urdf(model)
-    if whole.armature.any() or whole.has_joint_forces:
-        raise InputError(
-            "model: got joints with armature, damping, friction or springs, which ranks do not count yet; "
-            "expected none, as dataclasses.replace(model, armature=(), damping=(), friction=(), stiffness=()) has"
-        )
-    return whole
+        return check_model(model)
+    return Model.load(model) if Path(model).suffix == ".npz" else Model.from_urdf(model)
 
 
 def _check_method(method: str) -> None:

@@ -16,7 +16,9 @@ _UNIT_TOLERANCE = 1e-6
 
 
 def joint_parameters(joints: Sequence[str], values: Mapping[str, Array]) -> dict[str, Array]:
-    """Check the fields `JOINT_PARAMETERS` of joints of these types, and fill in those that are empty.
+    """Check the fields `JOINT_PARAMETERS` of joints of these types, and fill in those that are empty or zero throughout.
+
+    Zeros of another length, and a rest position without springs, are those of a model whose joints were replaced.
 
     Raises
     ------
@@ -27,11 +29,12 @@ def joint_parameters(joints: Sequence[str], values: Mapping[str, Array]) -> dict
     neutral = np.concatenate([JOINTS[joint].neutral for joint in joints])
     nv, out = sum(JOINTS[joint].nv for joint in joints), {}
     for name in JOINT_PARAMETERS[:-1]:
-        out[name] = array(name, values[name], (nv,)) if np.size(values[name]) else np.zeros(nv)
+        out[name] = array(name, values[name], (nv,)) if np.any(values[name]) else np.zeros(nv)
         if (out[name] < 0).any():
             k = int(np.argmax(out[name] < 0))
             raise InputError(f"{name}: got {out[name][k]} for degree of freedom {k}, expected no negative number")
-    out["rest"] = rest = array("rest", values["rest"], neutral.shape) if np.size(values["rest"]) else neutral
+    given = np.size(values["rest"]) and out["stiffness"].any()
+    out["rest"] = rest = array("rest", values["rest"], neutral.shape) if given else neutral
     start = 0
     for i, joint in enumerate(JOINTS[joint] for joint in joints):
         own = rest[start : start + joint.nq]

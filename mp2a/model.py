@@ -48,7 +48,8 @@ class Model:
         ``(nv,)`` each, empty for none: inertia of the drives, felt at the joints, kg m² and kg (pinocchio's); force
         against the velocity, N m s/rad and N s/m; dry friction, N m and N; springs to ``rest``, N m/rad and N/m.
     rest
-        ``(nq,)``: the coordinates at which the springs do not pull; empty: those of zero displacement.
+        ``(nq,)``: the coordinates at which the springs do not pull; empty, or without springs: those of zero
+        displacement.
 
     Raises
     ------

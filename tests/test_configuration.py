@@ -8,7 +8,6 @@ import pytest
 from helpers import ALL_JOINTS, random_forest, relative_error
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mpi4py import MPI
 
 import mp2a
 from mp2a import InputError, Model
@@ -109,12 +108,6 @@ def test_joints_resist_in_both_directions(n, samples, seed):
         assert relative_error(mp2a.rnea(model, q, v, a, method=method), tau) <= 1e-11
 
 
-def test_ranks_refuse_what_they_would_not_count():
-    model = dataclasses.replace(Model.random(1), damping=[0.1])
-    with pytest.raises(InputError, match="got joints with armature, damping, friction or springs"):
-        mp2a.DistributedModel(MPI.COMM_SELF, model)
-
-
 @pytest.mark.parametrize("name", ["armature", "damping", "friction", "stiffness"])
 def test_negative_numbers_of_joints_are_refused(name):
     with pytest.raises(InputError, match=f"{name}: got -1.0 for degree of freedom 1"):
@@ -125,7 +118,7 @@ def test_negative_numbers_of_joints_are_refused(name):
 
 def test_rest_is_a_position():
     with pytest.raises(InputError, match=r"rest: got \[1.0, 1.0\] for body 0, a continuous joint"):
-        dataclasses.replace(Model.random(1, joints=("continuous",)), rest=[1, 1])
+        dataclasses.replace(Model.random(1, joints=("continuous",)), stiffness=[1], rest=[1, 1])
 
 
 def test_parts_of_a_model_keep_their_joints(tmp_path):

@@ -234,7 +234,7 @@ def test_digest_is_equal_exactly_for_equal_chains(n, seed):
 
 def test_digest_knows_joints_parents_and_zeros():
     model = Model.uniform(3)
-    assert dataclasses.replace(model, joints=("revolute", "continuous", "revolute"), rest=()) != model
+    assert dataclasses.replace(model, joints=("revolute", "continuous", "revolute")) != model
     assert dataclasses.replace(model, parents=[-1, 0, 0]) != model
     assert dataclasses.replace(model, translations=-0.0 * model.translations) == dataclasses.replace(
         model, translations=0.0 * model.translations

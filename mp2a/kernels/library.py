@@ -3,7 +3,7 @@
 numba takes 56 MB and 0.6 s in every process that imports it, too much for hundreds of ranks. So a separate process
 compiles the kernels to shared objects (`mp2a.kernels.compiler`), once for each kind of processor and version of the
 package, a part when it is first wanted, and the others load them with ctypes: 0.1 MB and a millisecond. Where
-`mp2a.kernels.linker` knows no shared objects, LLVM's own loader takes the object as it is, for 8 MB and 60 ms a process.
+`mp2a.kernels.linker` knows no shared objects, LLVM's own loader takes the object as it is: 8 MB and 60 ms a process.
 
 A file lies in the user's cache directory as ``kernels-<part>-<what it is for>-<checksum>.so`` (or ``.o``). It is
 written elsewhere and renamed, so it is whole or not there; should it be damaged all the same, its checksum tells, and

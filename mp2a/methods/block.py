@@ -105,7 +105,7 @@ class Block:
             no_force=lambda: recorder.constant(np.zeros(6)),
         )
         scan = method.scan(own, recorder)
-        return recorder.program(self._results(scan, behind, across, bodies))
+        return recorder.program(self._results(scan, head, behind, across, bodies))
 
     def record_placement(self, schedule: Schedule) -> Program:
         """Record the rounds of motion alone: from q to ``rotation`` and ``translation``."""
@@ -141,8 +141,8 @@ class Block:
         behind = (_cut(x, slice(k, None)) for x, k in zip(given, columns, strict=True))
         return _Given(*first), _Given(*behind)
 
-    def _results(self, scan: ScanResult, behind: _Given, across: Any, bodies: bool) -> dict[str, Output]:
-        torque = self._head.torque(scan.force)
+    def _results(self, scan: ScanResult, head: _Given, behind: _Given, across: Any, bodies: bool) -> dict[str, Output]:
+        torque = self._head.torque(scan.force, head.q, head.v, head.a)
         motion_and_force = [scan.velocity, scan.acceleration, scan.force]
         if self._rest is not None:
             found = self._rest.dynamics(behind, across, scan, bodies=bodies)

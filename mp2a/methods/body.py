@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from mp2a.algebra import inertia, motion
-from mp2a.joint_kinematics import joint_motion, joint_torque
+from mp2a.joint_kinematics import drive_forces, joint_motion, joint_torque
 from mp2a.model import Model
 from mp2a.program.operations import NOTHING, Operation, subtract
 from mp2a.program.recorder import MethodRecorder
@@ -44,7 +44,13 @@ class SingleBody:
         self._path = Operation(path, motion.DOUBLES, step=f"path_{group.joint.name}")
         self._loaded = Operation(loaded, inertia.DOUBLES, step="body_inertia")
         self._force = Operation(force, 6, step="body_force")
+
+        def driven(torque: Array, q: Array, v: Array, a: Array) -> Array:
+            forces = drive_forces(body, JointState(q[0], v[0], a[0], None, single=False))
+            return torque if forces is None else torque + forces
+
         self._torque = Operation(torque, body.nv, step=f"torque_{group.joint.name}")
+        self._driven = Operation(driven, body.nv) if body.armature.any() or body.has_joint_forces else None
 
     def path(self, q: Any, v: Any, a: Any) -> Any:
         """Path from the parent to the body, by the joint's values."""
@@ -58,6 +64,7 @@ class SingleBody:
         """Force that moves the body, less the one from outside."""
         return subtract(self._force(velocity, acceleration, self._inertia), external)
 
-    def torque(self, force: Any) -> Any:
-        """Torque of the joint that passes a force to the body."""
-        return self._torque(force, self._axis)
+    def torque(self, force: Any, q: Any, v: Any, a: Any) -> Any:
+        """Torque of the joint that passes a force to the body, and moves its own armature, damper and spring."""
+        passed = self._torque(force, self._axis)
+        return passed if self._driven is None else self._driven(passed, q, v, a)

@@ -105,4 +105,18 @@ check(mail[0] == (RANK - 1) % SIZE)
 for formation in made:
     formation.close()
     formation.close()
+# What joints resist with, and the armatures of their motors, on single bodies, in a tree and in blocks.
+for bodies, branching in ((SIZE, 1), (SIZE, 3), (3 * SIZE + 1, 1)):
+    model = mp2a.Model.random(bodies, seed=5, joints=chain_of_all_joints().joints, branching=branching)
+    numbers = np.random.default_rng(0).random((4, model.nv))
+    resisting = dict(zip(("armature", "damping", "friction", "stiffness"), numbers, strict=True))
+    model = dataclasses.replace(model, **resisting, rest=model.random_state(seed=8)[0])
+    for method in METHODS if model.is_serial else ("compact", "sweep"):
+        with mp2a.DistributedModel(COMM, model, method) as formation:
+            for samples in (None, 3):
+                q, v, a = model.random_state(samples, 5)
+                whole = mp2a.rnea(model, q, v, a)
+                columns = formation.v_columns
+                mine = formation.rnea(q[..., formation.q_columns], v[..., columns], a[..., columns])
+                check(relative_error(mine, whole[..., columns], whole) < 1e-12, method, bodies)
 check.done()
