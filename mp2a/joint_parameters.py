@@ -16,7 +16,7 @@ _UNIT_TOLERANCE = 1e-6
 
 
 def joint_parameters(joints: Sequence[str], values: Mapping[str, Array]) -> dict[str, Array]:
-    """Check the fields `JOINT_PARAMETERS` of joints of these types, and fill in those that are empty or zero throughout.
+    """Check the fields `JOINT_PARAMETERS` of joints of these types, and fill in what is empty or zero throughout.
 
     Zeros of another length, and a rest position without springs, are those of a model whose joints were replaced.
 
