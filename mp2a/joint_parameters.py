@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mp2a.checks import array
+from mp2a.checks import array, numbers
 from mp2a.exceptions import InputError
 from mp2a.joints import JOINTS
 from mp2a.spatial import Array
@@ -29,11 +29,11 @@ def joint_parameters(joints: Sequence[str], values: Mapping[str, Array]) -> dict
     neutral = np.concatenate([JOINTS[joint].neutral for joint in joints])
     nv, out = sum(JOINTS[joint].nv for joint in joints), {}
     for name in JOINT_PARAMETERS[:-1]:
-        out[name] = array(name, values[name], (nv,)) if np.any(values[name]) else np.zeros(nv)
+        out[name] = array(name, values[name], (nv,)) if numbers(name, values[name]).any() else np.zeros(nv)
         if (out[name] < 0).any():
             k = int(np.argmax(out[name] < 0))
             raise InputError(f"{name}: got {out[name][k]} for degree of freedom {k}, expected no negative number")
-    given = np.size(values["rest"]) and out["stiffness"].any()
+    given = numbers("rest", values["rest"]).size and out["stiffness"].any()
     out["rest"] = rest = array("rest", values["rest"], neutral.shape) if given else neutral
     start = 0
     for i, joint in enumerate(JOINTS[joint] for joint in joints):

@@ -273,7 +273,12 @@ class Model:
         """
         from mp2a.readers.model_file import read_model
 
-        return cls(**read_model(path, _FORMAT, [part.name for part in fields(cls)]))
+        data = read_model(path, _FORMAT, [part.name for part in fields(cls)])
+        model = cls(**data)
+        for name in JOINT_PARAMETERS:
+            if data[name].shape != getattr(model, name).shape:
+                raise InputError(f"{name}: got shape {data[name].shape}, expected {getattr(model, name).shape}")
+        return model
 
     # ---- builders and readers ----------------------------------------------------------------------------------
 

@@ -28,7 +28,8 @@ RESULTS = ("velocity", "acceleration", "force", "torque")
 EARTH = np.array([0.0, 0, 0, 0, 0, 0, 0, 0, 9.81, 0, 0, 0])
 
 WITHOUT_VECTORS = {
-    "replay", "pool_worker", "pool_run", "direct_call", "rnea_scalar", "rnea_scalar_bodies", "placements_scalar",
+    "replay", "replay_call", "pool_worker", "pool_run", "direct_call", "rnea_scalar", "rnea_scalar_bodies",
+    "placements_scalar", "aba_scalar",
 }  # fmt: skip
 
 pytestmark = pytest.mark.skipif(not kernels.status().compiled, reason="no compiled kernels here")

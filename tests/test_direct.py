@@ -170,7 +170,7 @@ def test_long_chains_are_not_called_directly():
 
 def test_where_objects_are_of_another_form(monkeypatch):
     """As in a Python without the lock that plans rely on."""
-    monkeypatch.setattr(direct, "_is_usual", lambda: False)
+    monkeypatch.setattr(direct, "is_usual", lambda: False)
     model = Model.random(5)
     state = model.random_state()
     assert direct.RNEA.get(model) is None

@@ -47,14 +47,14 @@ print(int(compiled), why)
 # What is compiled for real is compiled by the cache below; where a build only has to happen, it copies that.
 COPYING = """
 import shutil, subprocess
-subprocess.run = lambda command, **options: shutil.copy({!r}, command[-2])
+subprocess.run = lambda command, **options: shutil.copy({!r}, command[3])
 """
 SLOWLY = """
 import shutil, subprocess, time
 from mp2a.kernels import library
 def run(command, **options):
     time.sleep(2)
-    shutil.copy({!r}, command[-2])
+    shutil.copy({!r}, command[3])
 subprocess.run, began, clock = run, time.monotonic(), time.monotonic
 time.monotonic = lambda: began + 10 * (clock() - began)
 """
