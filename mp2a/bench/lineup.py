@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from mp2a.bench.contenders import (
     ALONE,
@@ -95,7 +96,7 @@ def line_up(link: Link, model: Model, settings: BenchSettings, whole: tuple[Arra
         contenders[GATHER_SCATTER] = GatherScatter(link, model, reference).rnea
         contenders[GATHER_SCATTER_TREE] = GatherScatter(link, model, reference, tree=True).rnea
     if ONE_PROCESS in wanted:
-        contenders[ONE_PROCESS] = _on_rank_0(whole, lambda q, v, a: rnea(model, q, v, a))
+        contenders[ONE_PROCESS] = _on_rank_0(whole, partial(_in_one_process, model))
     if PINOCCHIO in wanted and fits:
         contenders[PINOCCHIO] = _on_rank_0(whole, reference.torque if reference else None)
     return Lineup(formations, scans, contenders, pipeline, reference, missing)
@@ -130,6 +131,11 @@ def _reference(comm: MPI.Intracomm, model: Model, missing: list[str]) -> tuple[R
     error = comm.bcast(error)
     missing += [error] if error else []
     return reference, error is None
+
+
+def _in_one_process(model: Model, q: Array, v: Array, a: Array) -> Array:
+    """Call `mp2a.rnea` as its users do: with one sample, or with many."""
+    return rnea(model, q[0], v[0], a[0])[None] if len(q) == 1 else rnea(model, q, v, a)
 
 
 def _on_rank_0(whole: tuple[Array, ...] | None, compute: Call | None) -> Call:
