@@ -19,8 +19,8 @@ from mp2a.exceptions import InputError
 from mp2a.tables import Column, Table, show_seconds
 
 NOTE = (
-    "Factors as POP defines them (https://pop-coe.eu). Computing is wall time outside exchanges, which Python does one by "
-    "one while they are traced, up to the last round; where ranks share cores, waits for a core are in it."
+    "Factors as POP defines them (https://pop-coe.eu). Computing is wall time outside exchanges, which Python does "
+    "while they are traced, up to the last round; where ranks share cores, waits for a core are in it."
 )
 """What to know of the figures of a trace."""
 

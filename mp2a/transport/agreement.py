@@ -13,7 +13,9 @@ from mp2a.transport.wait import wait
 
 
 class Agreement:
-    """Tells again and again whether something is true on every rank, by one request that is kept where MPI has such.
+    """Tells again and again whether something is true on every rank, by one request that is kept in Open MPI from 5 on.
+
+    MPICH 5.0 has such requests, but ``MPI_Testall`` takes each of them for an error.
 
     Parameters
     ----------
@@ -23,14 +25,15 @@ class Agreement:
     Attributes
     ----------
     request
-        What compiled code may start and wait for in the place of `reached`, if all is well here; None before MPI 4.
+        What compiled code may start and wait for in the place of `reached`, if all is well here; None if there is no such
+        request.
     """
 
     def __init__(self, comm: MPI.Intracomm) -> None:
         self._comm = comm
         self._mine, self._every = np.ones(1, dtype=np.int32), np.ones(1, dtype=np.int32)
         self.request: MPI.Prequest | None = None
-        if MPI.Get_version() >= (4, 0):
+        if MPI.Get_version() >= (4, 0) and MPI.get_vendor()[0] == "Open MPI":
             self.request = comm.Allreduce_init(self._mine, self._every, MPI.MIN)
 
     def reached(self, mine: bool) -> bool:
