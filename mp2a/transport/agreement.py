@@ -25,15 +25,16 @@ class Agreement:
     Attributes
     ----------
     request
-        What compiled code may start and wait for in the place of `reached`, if all is well here; None if there is no such
-        request.
+        What compiled code may start and wait for in the place of `reached`, if all is well here; None if there is
+        none.
     """
 
     def __init__(self, comm: MPI.Intracomm) -> None:
         self._comm = comm
         self._mine, self._every = np.ones(1, dtype=np.int32), np.ones(1, dtype=np.int32)
         self.request: MPI.Prequest | None = None
-        if MPI.Get_version() >= (4, 0) and MPI.get_vendor()[0] == "Open MPI":
+        vendor, version = MPI.get_vendor()
+        if vendor == "Open MPI" and version >= (5, 0):  # which says of itself that it is MPI 3.1
             self.request = comm.Allreduce_init(self._mine, self._every, MPI.MIN)
 
     def reached(self, mine: bool) -> bool:
