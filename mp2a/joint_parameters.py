@@ -42,3 +42,16 @@ def joint_parameters(joints: Sequence[str], values: Mapping[str, Array]) -> dict
         if joint.unit is not None and abs(np.linalg.norm(own[joint.unit]) - 1) > _UNIT_TOLERANCE:
             raise InputError(f"rest: got {own.tolist()} for body {i}, a {joint.name} joint, expected length 1 in it")
     return out
+
+
+def check_lengths(given: Mapping[str, Array], checked: Mapping[str, Array]) -> None:
+    """Check that fields have the lengths that they have in a model, where nothing is to be filled in.
+
+    Raises
+    ------
+    InputError
+        Naming the field.
+    """
+    for name, array_ in checked.items():
+        if given[name].shape != array_.shape:
+            raise InputError(f"{name}: got shape {given[name].shape}, expected {array_.shape}")

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from mp2a.checks import array, check_parents, check_rotations, read_only, symmetric_inertias, unit_axes
 from mp2a.exceptions import InputError
 from mp2a.files import atomic_write
-from mp2a.joint_parameters import JOINT_PARAMETERS, joint_parameters
+from mp2a.joint_parameters import JOINT_PARAMETERS, check_lengths, joint_parameters
 from mp2a.joints import JOINTS, JointGroup, joint_groups
 from mp2a.spatial import GRAVITY, Array, inertia_at_origin
 
@@ -275,9 +275,7 @@ class Model:
 
         data = read_model(path, _FORMAT, [part.name for part in fields(cls)])
         model = cls(**data)
-        for name in JOINT_PARAMETERS:
-            if data[name].shape != getattr(model, name).shape:
-                raise InputError(f"{name}: got shape {data[name].shape}, expected {getattr(model, name).shape}")
+        check_lengths(data, {name: getattr(model, name) for name in JOINT_PARAMETERS})
         return model
 
     # ---- builders and readers ----------------------------------------------------------------------------------
