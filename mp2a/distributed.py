@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal, overload
@@ -259,8 +260,12 @@ class DistributedModel:
         InputError
             On every rank, if ``values`` of any rank are not finite numbers of this shape, or differ in length.
         """
-        read = self._read_rows if self._blocks else self._read_values
-        came = self._calls.run(("send_to_children",), (values,), read)["values"]
+        key = ("send_to_children",)
+        if self._blocks:  # of which the last row alone is sent
+            found = self._calls.run(key, (), partial(self._read_rows, values))
+        else:
+            found = self._calls.run(key, (values,), self._read_values)
+        came = found["values"]
         own = np.asarray(values, dtype=np.float64)
         first: Array = np.zeros(own.shape[-1]) if came is NOTHING else came
         return np.concatenate((first[None], own[:-1])) if self._blocks else first

@@ -105,7 +105,8 @@ class CompiledProgram:
         self._what: list[str] = []
         arguments = frame.layout.program.arguments
         self._given, self._given_at = _integers(len(arguments))
-        self._axes = len(arguments[0].shape) if frame.samples == 1 else -1
+        # Numbers that are samples themselves always have their axis.
+        self._axes = len(arguments[0].shape) if frame.samples == 1 and arguments[0].shape else -1
         self._read_arguments()
         self._begin = len(self._steps)
         for instruction in frame.layout.program.instructions:
@@ -135,11 +136,6 @@ class CompiledProgram:
         self._call, self._at = replay_call(kernels.outside(), self._address, *numbers) or self._plain_call()
         self._tally = transport.tally(chain.from_iterable(self._sent))
         self._views = [frame.placed_views(single=single) for single in (frame.samples == 1, False)]
-
-    def accepts(self, arguments: Sequence[Array]) -> bool:
-        """Tell whether arguments, of which the shapes were checked, are for compiled arithmetic."""
-        self._take(arguments, axis=True)
-        return self._function(self._address, 0, self._begin) == self._begin
 
     def run(self, arguments: Sequence[Any]) -> bool:
         """Go through the program; once a message comes that does not fit, through the exchanges alone.

@@ -1,6 +1,7 @@
 """One rank's part of a method, run again and again: recorded once, bound to memory for a number of samples."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 from mp2a import kernels
@@ -87,7 +88,7 @@ class RankProgram:
         Parameters
         ----------
         arguments
-            Of the call; such arrays as the last call had are taken as they are. None: only to say what is wrong.
+            Of the call; such arrays as the program reads are taken as they are. None: only ``read`` has them.
         read
             Makes arrays of any others.
 
@@ -128,30 +129,37 @@ class RankProgram:
 
     def _run(self, arguments: Sequence[Any], read: Callable[..., Given]) -> dict[str, Any]:
         """Run the program with arguments that have to be looked at."""
-        try:
+        with self._else_fail():
             given = read(*arguments)
             compiled = self._bound(given.samples)
-            ready = compiled is not None and compiled.accepts(given.arrays)
-            if not ready:
-                given.check()
-                frame = Frame(self.layout, given.samples)
+        self.samples, self.has_agreed = given.samples, compiled is not None and compiled.agrees
+        frame = compiled.frame if compiled is not None and compiled.run(given.arrays) else self._replay(given)
+        found = frame.results(single=given.single) if self.transport.valid else {}
+        if self.layout.size(given.samples) > _kept():
+            self.close()
+        return found
+
+    def _replay(self, given: Given) -> Frame:
+        """Run the program step by step, with numbers that are not for compiled arithmetic or without kernels."""
+        self.has_agreed = False
+        with self._else_fail():
+            given.check()
+            frame = Frame(self.layout, given.samples)
+        self.transport.begin(self._tag(given.samples), valid=True)
+        frame.give(given.arrays)
+        replay(frame, self._wire)
+        return frame
+
+    @contextmanager
+    def _else_fail(self) -> Iterator[None]:
+        """Take part in the call of the others with nothing to say, if something goes wrong before it."""
+        try:
+            yield
         except MPI.Exception:
             raise
         except Exception:
             self.fail()
             raise
-        self.samples, self.has_agreed = given.samples, ready and compiled is not None and compiled.agrees
-        if compiled is not None and ready:
-            compiled.run(given.arrays)
-            frame = compiled.frame
-        else:
-            self.transport.begin(self._tag(given.samples), valid=True)
-            frame.give(given.arrays)
-            replay(frame, self._wire)
-        found = frame.results(single=given.single) if self.transport.valid else {}
-        if self.layout.size(given.samples) > _kept():
-            self.close()
-        return found
 
     def _bound(self, samples: int) -> CompiledProgram | None:
         """Bind the program to memory, once for a number of samples; None where there are no compiled kernels."""

@@ -226,6 +226,19 @@ for method in METHODS:
         torque = mp2a.rnea(blocks, *blocks.random_state(4000))
         check(relative_error(formation.rnea(*many), torque[:, 3 * RANK : 3 * RANK + 3], torque) < 1e-9)
 
+# Numbers to hand on in the shape of one row or one number, after calls that had as many of them.
+with make(COMM, model, "sweep") as formation:
+    for call in (formation.broadcast, formation.send_to_children):
+        call(np.ones(1))
+        for bad in wrong_ranks:
+            same_error([f"rank {bad}", "values", "shape ()"], call, on(bad, np.array(1.0), np.ones(1)))
+with make(COMM, blocks, "sweep") as formation:
+    formation.send_to_children(np.ones((3, 4)))
+    for bad in wrong_ranks:
+        same_error(
+            [f"rank {bad}", "values", "shape (4,)"], formation.send_to_children, on(bad, np.ones(4), np.ones((3, 4)))
+        )
+
 # Another thread, a closed formation, a call that was broken off.
 formation = make(COMM, model, "sweep")
 reports = []
