@@ -174,24 +174,17 @@ class CompiledProgram:
             return self.frame.results(single=not axis)
         return {name: view.copy() for name, view in views}
 
-    def _take(self, arguments: Sequence[Any], axis: bool) -> bool:
-        """Say where arguments are; False if they are no arrays."""
-        self._header[_AXIS] = axis
-        for k, array in enumerate(arguments):
-            if type(array) is not np.ndarray:
-                return False
-            self._given[k] = id(array)
-        return True
-
     def _plain_call(self) -> ReplayCall:
         """Return what does the work of `mp2a.kernels.replay_plan` by ctypes."""
         at = 0
 
         def call(*arguments: Any) -> bool | None:
             nonlocal at
-            first = arguments[0]
-            if not self._take(arguments, type(first) is np.ndarray and first.ndim != self._axes):
-                return False
+            for k, array in enumerate(arguments):
+                if type(array) is not np.ndarray:
+                    return False
+                self._given[k] = id(array)
+            self._header[_AXIS] = arguments[0].ndim != self._axes
             at = self._function(self._address, 0, self._first_end)
             return True if at == self._first_end else False if 0 <= at < self._begin else None
 

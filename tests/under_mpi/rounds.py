@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 import mp2a
 from mp2a import kernels
+from mp2a.kernels import replay_plan
 from mp2a.methods import METHODS
 from mp2a.methods.block import Block
 from mp2a.program import rank as rank_program
@@ -34,6 +35,12 @@ def is_compiled(formation):
     return program is not None and len(program._pieces) == 1
 
 
+def times_compiled(formation):
+    """How often calls with as many samples as the last one went by compiled code, as nothing else tells."""
+    program = formation._calls.program(RNEA).compiled
+    return 0 if program is None else program._tally.times
+
+
 for method, branching in FORMATIONS:
     model = chain_of_all_joints(seed=branching, branching=branching)
     if method == "kogge-stone" and not model.is_serial:
@@ -43,7 +50,9 @@ for method, branching in FORMATIONS:
     with mp2a.DistributedModel(COMM, model, method, **named) as recorded:
         with mp2a.DistributedModel(COMM, model, method, **named, trace=True) as traced:
             whole = mp2a.rnea(model, *model.random_state(4), gravity=(1.0, 2.0, 3.0))
-            for ours, theirs in zip(torques(recorded, state), torques(traced, state), strict=True):
+            pairs = list(zip(torques(recorded, state), torques(traced, state), strict=True))
+            check(times_compiled(recorded) == len(pairs) * compiled)
+            for ours, theirs in pairs:
                 check(np.abs(ours - theirs).max() <= 1e-13 * np.abs(whole).max(), method)
             one, other = recorded.transport, traced.transport
             check((one.messages, one.doubles) == (other.messages, other.doubles))
@@ -98,6 +107,18 @@ for method in METHODS:
             check(relative_error(formation.rnea(*model.random_state(body=RANK)), whole[vs], whole) < 1e-12)
         check(is_compiled(formation) == (compiled and not RANK % 2))
 kernels.rounds = real
+
+# An interpreter whose objects have another form has the same program called by ctypes.
+usual = replay_plan.is_usual
+replay_plan.is_usual = lambda: False
+with mp2a.DistributedModel(COMM, model, "sweep") as formation:
+    for samples in (None, 5):
+        whole = mp2a.rnea(model, *model.random_state(samples))
+        for _ in range(2):
+            torque = formation.rnea(*model.random_state(samples, body=RANK))
+            check(torque.shape == whole[..., vs].shape and relative_error(torque, whole[..., vs], whole) < 1e-12)
+        check(times_compiled(formation) == 2 * compiled)
+replay_plan.is_usual = usual
 
 # An input that is wrong on one rank, at first and later; the others record or have recorded.
 for method in METHODS:
